@@ -1,1 +1,1 @@
-"""Errors, checks of arguments, caches, files, processes, units: what all other packages use."""
+"""Errors, checks of arguments, caches, files, processes and units, which all other packages use."""

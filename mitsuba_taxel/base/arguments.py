@@ -40,14 +40,14 @@ def require(name: str, value: object, kinds: type | tuple[type, ...], needed: st
 
 
 def refusal(name: str, value: object, needed: str) -> InputError:
-    """The error for a value of a parameter that is not allowed.
+    """The error for a parameter whose value is not allowed.
 
     Parameters
     ----------
     name : str
         Name of the parameter.
     value : object
-        Value of the parameter; the message shows the type of a value that is long as text.
+        Value of the parameter; if its text is long, the message shows its type instead.
     needed : str
         Description of what is allowed, with a verb: "a number above 0 is needed".
 
@@ -106,12 +106,12 @@ def text_of(name: str, value: str) -> str:
     Returns
     -------
     str
-        The value itself.
+        The same value.
 
     Raises
     ------
     InputError
-        if Mitsuba cannot encode it.
+        if Mitsuba cannot encode the value.
     """
     try:
         value.encode()
@@ -181,7 +181,7 @@ def array_of(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a real number, finite in double precision; True and False are not.
+    """Whether a value is a real number, finite in double precision; True and False do not count as numbers.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def plain_number(value: Any) -> Any:
 
 
 def word_of(value: object) -> str:
-    """The value of a scene's parameter as text; numbers of NumPy have the digits of their precision.
+    """The value of a scene's parameter as text; numbers of NumPy are written with the digits of their precision.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def as_numbers(words: Sequence[str]) -> list[float] | None:
 
 
 def is_whole(value: object) -> bool:
-    """Whether a value is a whole number; True and False are not.
+    """Whether a value is a whole number; True and False do not count as numbers.
 
     Parameters
     ----------
@@ -309,14 +309,14 @@ def check_seed(seed: object) -> None:
 def check_fields(instance: Any, **kinds: tuple[type | tuple[type, ...], str]) -> None:
     """Check that fields of a dataclass match their annotations, or the types in ``kinds``.
 
-    Only the annotations float, int and str are checked, alone or with None.
+    Only fields with the annotations float, int and str, alone or with None, and fields in ``kinds`` are checked.
 
     Parameters
     ----------
     instance : dataclass instance
         Object whose fields are checked.
     **kinds : tuple[type or tuple[type, ...], str]
-        By the name of a field: its types, and a description of what is needed.
+        For each field name, the allowed types and a description of them.
 
     Raises
     ------
@@ -376,7 +376,7 @@ def names_of(name: str, value: object) -> tuple[str, ...]:
     Raises
     ------
     InputError
-        if the value is not a sequence of names; a single text is not.
+        if the value is not a sequence of names; a single text is refused.
     """
     if not is_row(value, lambda item: isinstance(item, str)):
         raise refusal(name, value, "a list of parameter names is needed")

@@ -1,4 +1,4 @@
-"""Caches of results between calls: each has a name and a size, and can be cleared."""
+"""Caches that keep results between calls: each has a name and a size, and can be cleared."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ _CACHES: dict[str, _Cache] = {}
 def kept(maximum: int | None) -> Callable[[_Function], _Function]:
     """Decorator that caches the most recent results of a function or class by the values of its arguments.
 
-    It is `functools.lru_cache`, registered for :func:`clear_caches` under the name of the function.
+    The decorator is `functools.lru_cache`; it also registers the cache for :func:`clear_caches` under the name of the
+    function.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def cache_sizes() -> dict[str, CacheSize]:
 
 
 def clear_caches(*functions: Callable[..., Any]) -> None:
-    """Clear the caches of functions, by default all caches in memory: meshes, load paths, factors, tables.
+    """Clear the caches of the given functions; by default, all caches in memory (meshes, load paths, factors, tables).
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""Display of objects in notebooks; another package, which may import the object's package, supplies the HTML."""
+"""Display of objects in notebooks; the HTML is supplied by another package, which may import the package of the
+object."""
 
 from __future__ import annotations
 

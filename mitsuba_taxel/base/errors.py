@@ -1,9 +1,9 @@
-"""The two kinds of errors, and interrupts that look like errors."""
+"""The two kinds of errors, and detection of interrupts that are wrapped in errors."""
 
 from __future__ import annotations
 
 MOST_LETTERS = 1000
-"""Largest length of a message, as values in it may be of any length."""
+"""Largest length of a message, in characters; values in a message may be of any length."""
 
 
 class InputError(ValueError):
@@ -23,7 +23,7 @@ class InputError(ValueError):
 
 
 class ComputationError(RuntimeError):
-    """A computation on valid input failed: the message says where it stopped and why.
+    """A computation on valid input failed: the message states where it stopped and why.
 
     The command line prints the message and exits with code 1. The message is always a single line.
     """
@@ -44,7 +44,7 @@ def one_line(message: object) -> str:
 
 
 def comes_from_interrupt(error: BaseException | None) -> bool:
-    """Whether an interrupt caused an error: while a kernel is recorded, an interrupt is wrapped in an error.
+    """Whether an interrupt caused an error: an interrupt during the recording of a kernel is wrapped in an error.
 
     Parameters
     ----------

@@ -1,5 +1,5 @@
-"""Families of kinds, such as cell shapes or material laws: a new kind is a class, and a member that it lacks is
-reported at once."""
+"""Families of kinds, such as cell shapes or material laws: a new kind is a class; missing members are reported when the
+class is defined."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Kind:
     meaning : str
         Meaning of the name of a kind, in a few words for lists; empty if it is obvious.
     uses : tuple[str, ...]
-        Parameters common to several kinds that a kind uses, by attribute.
+        Attributes of those parameters, common to several kinds, that this kind uses.
     prefix : str
         Prefix of the names of a family's parameters in a scene, such as ``indenter_``.
 

@@ -1,4 +1,4 @@
-"""Digests of source code, which identify results that were computed by other code."""
+"""Digests of source code, by which results of other code are recognised."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PACKAGE = "mitsuba_taxel"
 
 @kept(None)
 def code_digest(*rooms: str) -> str:
-    """Digest of all files of sub-packages, including nested folders, and of the top-level modules.
+    """Digest of all files of the given sub-packages, including nested folders, and of the top-level modules.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def code_digest(*rooms: str) -> str:
 def own_code(own: type) -> str:
     """Digest of the code outside this package that defines a class.
 
-    For each class outside this package from which the class derives, the digest contains the complete file, with the
-    functions and constants that the class may use. Without a file, as in a notebook, it contains the methods.
+    The digest contains the complete file of the class, and of each base class outside this package, as the class may
+    use functions and constants of these files. Without a file, as in a notebook, it contains the methods.
 
     Parameters
     ----------

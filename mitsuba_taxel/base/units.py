@@ -9,7 +9,7 @@ FORCES = ("fx", "fy", "fz")
 DISPLACEMENTS = ("ux", "uy", "uz")
 """Components of the displacement of a plate or an indenter, in mm."""
 LOADS = (FORCES, DISPLACEMENTS, ("pressure",))
-"""Components of each kind of load."""
+"""Names of the components of each kind of load."""
 TIME = "time"
 """Time of the load, in s."""
 HISTORY = "history"

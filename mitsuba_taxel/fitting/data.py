@@ -51,9 +51,9 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> MeasuredData:
     """Read a table of measurements.
 
     Headings are settings such as ``fz`` or ``fz_mN``, readings such as ``v1_V`` or ``p1_W`` of taxel 1, and standard
-    deviations such as ``v1_error_V``, of all readings or none; see `mitsuba_taxel.base.files.table.read_table`.
-    Settings with a unit are converted to mm, N, MPa, s and degrees, unless the whole heading is the name of a
-    parameter.
+    deviations such as ``v1_error_V``, either for all readings or for none; see
+    `mitsuba_taxel.base.files.table.read_table`. Settings with a unit are converted to mm, N, MPa, s and degrees, unless
+    the whole heading is the name of a parameter.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> MeasuredData:
     Raises
     ------
     InputError
-        if the file cannot be read, or is not such a table.
+        if the file cannot be read, or is not a table of measurements.
     """
     # Columns of settings, readings and errors.
     label = f"data {file.name!r}"
@@ -92,7 +92,7 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> MeasuredData:
         into = errors if match["error"] else readings
         into[int(match["taxel"])] = float(factor) * table.numbers(column)
 
-    # What all columns must have in common.
+    # Conditions on the columns together.
     if not table.lines:
         raise InputError(f"{label} is not allowed: a heading and at least one row are needed.")
     if not readings or len(units) > 1:

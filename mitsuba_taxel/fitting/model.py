@@ -21,9 +21,10 @@ from mitsuba_taxel.studies.run.study import run_batch
 from mitsuba_taxel.studies.store.dataset import NOT_COMPUTED
 
 STEP_SHARES = (0.02, 0.06, 0.2)
-"""Relative steps of an unknown for differences of noisy readings; the first whose change exceeds the noise is used."""
+"""Relative steps of an unknown for differences of noisy readings; the first step whose change exceeds the noise is
+used."""
 RESOLVED = 4.0
-"""Least ratio of a change of readings to its noise: the derivative is then accurate to a quarter."""
+"""Least ratio of a change of readings to its noise; the derivative is then accurate to 25 %."""
 SMALL = 1e-6
 """Relative step of an unknown for differences without noise."""
 
@@ -31,8 +32,8 @@ SMALL = 1e-6
 class ReadingModel:
     """Readings (rows, taxels) at the data's settings, and their derivatives (rows, taxels, unknowns).
 
-    Derivatives with respect to parameters of the scene are those of light without random numbers where available, else
-    differences of readings that share their random numbers.
+    Derivatives with respect to parameters of the scene are computed by light without random numbers if possible, else
+    as differences of readings that share their random numbers.
 
     Attributes
     ----------
@@ -41,7 +42,7 @@ class ReadingModel:
     hidden : frozenset[str]
         Unknowns whose effect is below the noise.
     refused : dict[str, str]
-        Reasons of unknowns without derivatives.
+        Reasons why derivatives with respect to an unknown are not available.
     """
 
     def __init__(self, plan: FitPlan, pool: Pool) -> None:
@@ -74,18 +75,19 @@ class ReadingModel:
         return shown[self._setting_of_row], jacobian[self._setting_of_row]
 
     def errors(self, unknowns: np.ndarray, by_row: np.ndarray) -> ModelError:
-        """Errors of the readings at unknowns where they have been computed, from one more evaluation.
+        """Errors of the readings at values of the unknowns for which the readings have been computed, from one more
+        evaluation.
 
         Parameters
         ----------
         unknowns : (unknowns,) ndarray
-            Values at which the model has been called.
+            Values for which the model has been called.
         by_row : (unknowns, rows, taxels) ndarray
             Derivative of each unknown with respect to each reading of the data.
         """
         power = self._powers[unknowns.tobytes()]
         batch = replace(self._batch(unknowns), bare=False, derivatives=tuple(self._by))
-        # Without random numbers, the light's error is that of its patches, which random points would replace.
+        # Without random numbers, the error of the light is due to its patches. Random points would replace the patches.
         study = self._run(replace(batch, points=0) if self._by else batch)
         rate = self._shown(unknowns, power)[1]
         replicates, reading, light, total = (
@@ -93,7 +95,8 @@ class ReadingModel:
         )
         geometry = self._taxels(study, "geometry_error") if "geometry_error" in study else np.zeros_like(power)
         mechanics = np.sqrt(np.maximum(total**2 - light**2 - geometry**2, 0.0))
-        # Where another method or number of points gave the readings, the difference counts as an error.
+        # If readings were computed by another method or with another number of points, the difference counts as an
+        # error.
         geometry = np.hypot(geometry, reading - power)
         # Rows of the same settings share their error.
         by_reading = np.zeros((len(unknowns), *power.shape))
@@ -120,8 +123,9 @@ class ReadingModel:
         return power, rates
 
     def _difference(self, unknowns: np.ndarray, number: int, study: xr.Dataset) -> np.ndarray:
-        """Derivative (settings, taxels) with respect to an unknown, as a difference to the readings ``study``: with the
-        smallest step whose change exceeds the noise."""
+        """Derivative (settings, taxels) with respect to an unknown, from the difference to the readings ``study``.
+
+        The step is the smallest one whose change exceeds the noise."""
         unknown, here = self._plan.unknowns[number], self._taxels(study, "replicate_power")
         scale = abs(unknowns[number]) or 1.0
         for tried in range(self._first_step.get(number, 0), len(STEP_SHARES)):
@@ -168,8 +172,8 @@ class ReadingModel:
         return study[name].sel(taxel=self._plan.data.taxels).transpose(..., STEP, "taxel").values
 
     def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Readings in the data's unit and their derivative with respect to the power, for a power in W; all (settings,
-        taxels)."""
+        """Readings in the unit of the data for a power in W, and their derivatives with respect to the power; all
+        (settings, taxels)."""
         own = dict(zip(self._names, unknowns.tolist(), strict=True))
         if self._plan.circuit is None:
             gain = own.get("gain", 1.0)

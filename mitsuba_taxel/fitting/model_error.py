@@ -1,7 +1,7 @@
-"""Propagation of the model's own errors to the unknowns by the delta method.
+"""Propagation of the errors of the model's readings to the unknowns by the delta method.
 
-A small change of the model's readings changes the solution of least squares by its derivative, the pseudoinverse of the
-weighted Jacobian (G. A. F. Seber and C. J. Wild, Nonlinear Regression, 1989, chapter 2).
+The derivative of a least-squares solution with respect to the model's readings is the pseudoinverse of the weighted
+Jacobian (G. A. F. Seber and C. J. Wild, Nonlinear Regression, 1989, chapter 2).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class ModelError(NamedTuple):
     replicates : (replicates, settings, taxels) ndarray
         Readings for each randomisation of the light; all settings share the random numbers.
     mechanics, geometry : (settings, taxels) ndarray
-        Standard deviations due to the finite elements, NaN if unknown, and due to the surfaces, or to the patches of
-        light without random numbers.
+        Standard deviations due to the finite elements (NaN if unknown), and due to the surfaces or, without random
+        numbers, to the patches of the light.
     by_reading : (unknowns, settings, taxels) ndarray
         Derivative of each unknown with respect to each of these readings, by least squares; NaN if undetermined.
     setting_of_row : (rows,) ndarray
@@ -58,18 +58,19 @@ class UnknownErrors(NamedTuple):
 def carried(error: ModelError) -> UnknownErrors:
     """Errors of the unknowns due to errors of the model's readings.
 
-    Replicates contain the covariance of the light. The correlation between readings of errors due to finite elements
-    and surfaces is unknown, so the largest deviation that any correlation allows is returned: the sum of magnitudes.
+    Replicates contain the covariance of errors of the light. For errors due to finite elements and surfaces, the
+    correlation between readings is unknown, so the largest deviation for any correlation is returned: the sum of
+    magnitudes.
 
     Parameters
     ----------
     error : ModelError
-        Error of the readings, and how the unknowns follow them.
+        Errors of the readings, and derivatives of the unknowns with respect to them.
 
     Returns
     -------
     UnknownErrors
-        Errors by light, finite elements and surfaces, in the units of the unknowns.
+        Errors due to light, finite elements and surfaces, in the units of the unknowns.
     """
     light = standard_error(np.einsum("kst,rst->rk", error.by_reading, error.replicates))
     size = np.abs(error.by_reading)

@@ -21,7 +21,7 @@ from mitsuba_taxel.sensing.scene.parameter_roles import roles_of_parameters
 from mitsuba_taxel.studies.plan.batch import parameters_in, read_study_of
 
 OWN = ("gain", "offset")
-"""Unknowns of the electronics without a circuit: volts per watt, and volts without light."""
+"""Unknowns of electronics that are not described by a circuit: volts per watt, and volts without light."""
 CIRCUIT = "circuit."
 """Prefix of the name of an unknown of the circuit."""
 READ_KEYS = ("points", "mesh_size", "seed")
@@ -79,7 +79,7 @@ def read_plan(file: Path) -> FitPlan:
     Raises
     ------
     InputError
-        if it is not such a study, its data cannot be read, or they are too few.
+        if the file is not such a study, or its data cannot be read or are too few.
     """
     content, table = read_study_of("fit", file)
     (scene,) = content.pop("scenes")
@@ -91,7 +91,7 @@ def read_plan(file: Path) -> FitPlan:
         if name not in (*READ_KEYS, "circuit", "scene", "define"):
             raise InputError(f"{name} is not allowed in a fit: each row of the data defines a scene; take it out.")
 
-    # The data, with settings by the names of the scene's parameters.
+    # The data, with settings named as the parameters of the scene.
     folder = file.resolve().parent
     parameters = parameters_in(str(scene.get("scene", "")), folder)
     data = read_data(folder / table["data"], parameters)
@@ -111,7 +111,7 @@ def read_plan(file: Path) -> FitPlan:
 
 
 def _named_by_scene(data: MeasuredData, parameters: Collection[str], scene: Path) -> MeasuredData:
-    """Data whose times and components of the force have the names and signs of the scene's parameters.
+    """The data, with times and force components named and signed as the parameters of the scene.
 
     A setting that already has the name of a parameter is unchanged.
     """
@@ -139,7 +139,7 @@ def _unknown(name: str, definition: object) -> Unknown:
 
 
 def _range(name: str) -> tuple[float, float]:
-    """Allowed range of an unknown: that of a number of the circuit, unlimited for others."""
+    """Allowed range of an unknown: for a number of the circuit, its range; for others, unlimited."""
     number = parameters_of(Circuit).get(name.removeprefix(CIRCUIT)) if name.startswith(CIRCUIT) else None
     if not isinstance(number, Number):
         return -math.inf, math.inf

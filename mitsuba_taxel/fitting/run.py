@@ -1,4 +1,4 @@
-"""Fits: a study file with measured data in, numbers with confidence intervals out."""
+"""Fits: from a study file with measured data to unknowns with confidence intervals."""
 
 from __future__ import annotations
 
@@ -38,17 +38,18 @@ class FitResult:
     ----------
     unknowns : DataFrame
         One row per unknown: ``start``; ``value``, its ``error`` (one standard deviation), and the ends ``low`` and
-        ``high`` of its 95 % confidence interval. Error and interval include ``data_error``, by the data, and
-        ``model_error``, by the model. The latter consists of ``light_error``, ``mechanics_error`` and
-        ``geometry_error``; errors that are NaN are unknown, and left out.
+        ``high`` of its 95 % confidence interval. Error and interval include ``data_error``, due to the data, and
+        ``model_error``, due to the model. The latter consists of ``light_error``, ``mechanics_error`` and
+        ``geometry_error``; unknown errors are NaN and not included.
     correlation : DataFrame
-        Correlation of the unknowns' errors by the data.
+        Correlation of the unknowns' errors due to the data.
     residuals : DataFrame
         One row per row of the data and taxel: its settings, ``measured``, ``model`` and ``residual``, in ``unit``, and
-        ``in_errors``, the residual over the error of the data, or over the root mean square of the residuals.
+        ``in_errors``, the residual divided by the error of the data or, if it is unknown, by the root mean square of
+        the residuals.
     misfit : float
-        Mean square of ``in_errors`` per degree of freedom: 1 if model and errors are right. NaN if the errors of the
-        data are unknown.
+        Sum of squares of ``in_errors`` per degree of freedom: about 1 if model and errors are right. NaN if the errors
+        of the data are unknown.
     warnings : list[str]
         Unknowns that the data do not determine, and other warnings.
     notes : list[str]
@@ -80,9 +81,9 @@ def run_fit(
     output : str or Path
         Folder for the results.
     workers : int, optional
-        Number of processes to use, in place of this one.
+        Number of processes to use instead of this process.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers to use; they need access to the same files.
+        Address of a Dask scheduler whose workers are used; they need access to the same files.
     progress : Callable[[int], None], optional
         Called with the number of model evaluations.
 
@@ -132,11 +133,11 @@ def _result(
     plan : FitPlan
         The fit.
     model : ReadingModel
-        Model of the fit, for unknowns without derivatives and unknowns below the noise.
+        Model of the fit, which lists unknowns without derivatives and unknowns whose effect is below the noise.
     solution : LeastSquares
         Estimates with the errors of the data.
     of_model : ModelError
-        Errors of the model's readings there.
+        Errors of the model's readings at the estimates.
     shape : tuple[int, ...]
         (rows, taxels) of the data.
     """
@@ -188,7 +189,7 @@ def _result(
     else:
         warnings += misfit_warnings(residual.ravel(), data.errors.ravel(), model_errors.ravel(), freedom)
     if np.isnan(of_model.mechanics).any():
-        warnings.append("intervals leave out the error of the model's finite elements, which is unknown")
+        warnings.append("intervals do not include the error of the model's finite elements, which is unknown")
     warnings += [
         f"the noise of the model's light hides the effect of {name}, whose error is unknown: more points are needed"
         for name in names

@@ -12,7 +12,7 @@ from mitsuba_taxel.fitting.plan import Unknown
 ALIKE = 0.98
 """Correlation above which two unknowns count as indistinguishable."""
 RANK = 1e-7
-"""Singular value, relative to the largest, below which a direction is undetermined."""
+"""Singular value, relative to the largest singular value, below which a direction is undetermined."""
 CONFIDENCE = 0.95
 UNLIKELY = 0.01
 """Probability of larger residuals below which the model or the errors count as wrong."""
@@ -40,8 +40,8 @@ class LeastSquares:
     model : (N,) ndarray
         Readings of the model at the solution.
     misfit : float
-        Sum of squares of residuals relative to their errors, per degree of freedom: 1 if the model and the errors are
-        right. Without errors of the data, the mean square of the residuals.
+        Sum of squares of residuals relative to their errors, per degree of freedom: about 1 if the model and the errors
+        are right. Without errors of the data, the sum of squares of the residuals per degree of freedom.
     degrees_of_freedom : int
         Number of readings less number of unknowns.
     warnings : list[str]
@@ -74,8 +74,8 @@ def solve(
     data : (N,) ndarray
         Measured readings.
     errors : (N,) ndarray, optional
-        Their standard deviations. Without them, all readings have the same weight, and the error is estimated from the
-        residuals.
+        Standard deviations of the readings. Without them, all readings have the same weight, and the error is estimated
+        from the residuals.
     unknowns : Sequence[Unknown]
         Initial values and bounds.
 
@@ -148,19 +148,19 @@ def solve(
 
 
 def interval(solution: LeastSquares, of_model: np.ndarray) -> np.ndarray:
-    """Half widths (unknowns,) of 95 % intervals due to data and model; ``of_model`` are standard deviations.
+    """Half widths (unknowns,) of 95 % intervals due to data and model.
 
     Parameters
     ----------
     solution : LeastSquares
-        Solution with half widths by the data.
+        Solution with half widths due to the data.
     of_model : (unknowns,) ndarray
-        Standard deviations by the model.
+        Standard deviations due to the model.
 
     Returns
     -------
     (unknowns,) ndarray
-        In the units of the unknowns.
+        Half widths in the units of the unknowns.
     """
     from scipy.stats import norm
 
@@ -188,7 +188,7 @@ def misfit_warnings(residual: np.ndarray, errors: np.ndarray, of_model: np.ndarr
     both = np.square(residual / np.hypot(errors, np.nan_to_num(of_model))).sum()
     reason = "the model is wrong or these errors are too small, so the intervals are too narrow"
     if chi2.sf(both, freedom) >= UNLIKELY:
-        reason = "the model's own error, which the intervals contain, is as large"
+        reason = "the error of the model, which the intervals include, explains the residuals"
     return [
         f"residuals are {np.sqrt(mean_square):.2g} times as large as the errors of the data explain (probability "
         f"{chance:.1g}): {reason}"
@@ -205,9 +205,9 @@ def lack_of_fit_warnings(
     Parameters
     ----------
     residual : (rows, taxels) ndarray
-        Data of unknown error, less model.
+        Data less model; the error of the data is unknown.
     settings : Mapping[str, Sequence[str]]
-        Values for each row. Rows of equal values are repetitions.
+        Values for each row. Rows with equal values are repetitions.
     of_model : (rows, taxels) ndarray
         One standard deviation of the model; NaN if unknown.
     freedom : int
@@ -234,7 +234,7 @@ def lack_of_fit_warnings(
     model = np.square(np.nan_to_num(of_model)).sum() / of_means
     reason = "the model is wrong, or errors are common to the readings of a setting"
     if f.sf(distance / (scatter + model), of_means, of_scatter) >= UNLIKELY:
-        reason = "the model's own error, which intervals hold, is as large"
+        reason = "the error of the model, which the intervals include, explains the residuals"
     times = np.sqrt(np.square(residual).sum() / freedom / scatter)
     return [
         f"residuals are {times:.2g} times as large as the scatter of repeated readings (probability {chance:.1g}): "
@@ -245,8 +245,8 @@ def lack_of_fit_warnings(
 def _pseudoinverse(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pseudoinverse (unknowns, N) of a Jacobian (N, unknowns), and its undetermined directions (K, unknowns).
 
-    The pseudoinverse is NaN for unknowns with a component in such a direction. Directions refer to unknowns in units
-    in which all have the same effect.
+    The pseudoinverse is NaN for unknowns with a component in such a direction. Directions refer to unknowns that are
+    scaled so that all have the same effect.
     """
     size = np.linalg.norm(jacobian, axis=0)
     unit = np.where(size > 0, size, 1.0)
@@ -265,8 +265,7 @@ def _at_bounds(values: np.ndarray, active: np.ndarray, unknowns: Sequence[Unknow
         if end:
             bound = unknown.high if end > 0 else unknown.low
             warnings.append(
-                f"{unknown.name} = {value:.4g} is at the bound {bound:g} of its range; its interval is as if there "
-                "were no bound"
+                f"{unknown.name} = {value:.4g} is at the bound {bound:g} of its range; its interval ignores the bound"
             )
     return warnings
 

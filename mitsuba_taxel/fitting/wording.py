@@ -1,4 +1,4 @@
-"""Unknowns of a fit in words, common to terminal and web page."""
+"""Unknowns of a fit in words, for both terminal and web page."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def fit_answer(unknowns: pandas.DataFrame) -> str:
     Returns
     -------
     str
-        Such as ``youngs_modulus = 4.36 ± 0.12, gain = 180.19 ± 0.37.``
+        One line, such as ``youngs_modulus = 4.36 ± 0.12, gain = 180.19 ± 0.37.``
     """
     return ", ".join(f"{row.unknown} = {_value(row)}" for row in unknowns.itertuples()) + "."
 

@@ -43,7 +43,7 @@ class DesignContact(NamedTuple):
 
     @classmethod
     def from_study(cls, study: xr.Dataset, row: int, by: list[float], by_tolerance: list[float]) -> DesignContact:
-        """The first contact in a row of a study, with these derivatives."""
+        """The first contact in a row of a study, with the given derivatives."""
         touched, ended = (str(study[name].values[row]) if name in study else "" for name in ("touched", "ended"))
         missing = bool(ended) and not np.isfinite([*by, *by_tolerance]).all()
         if missing:
@@ -52,7 +52,7 @@ class DesignContact(NamedTuple):
 
 
 def first_contact_in(study: xr.Dataset, row: int, of: str = "") -> float:
-    """Load at the first contact in a row of a study, or with ``of="_derivative"`` its derivative; NaN if unknown."""
+    """Load at the first contact in a row of a study, or its derivative with ``of="_derivative"``; NaN if unknown."""
     name = f"first_contact{of}"
     return float(study[name].values[row]) if name in study else np.nan
 
@@ -67,17 +67,17 @@ def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -
     batch : Batch
         Scene and settings of the readings.
     designs : Sequence[Design]
-        Designs that are tried, one of each choice.
+        Designs to try, one for each choice.
 
     Returns
     -------
     dict[str, str]
-        Reason by line; along these, a measuring range is limited by saturation only.
+        Reason for each such line, along which a measuring range is limited by saturation only.
 
     Raises
     ------
     InputError
-        if the first contact along such a line is itself a figure of the study.
+        if the first contact along such a line is a figure of the study.
     """
     reasons = {}
     for line in plan.to_contact:

@@ -21,7 +21,7 @@ from mitsuba_taxel.optimum.search import TINY, Linearisation, balanced, least_vi
 FIRST_STEP = 0.3
 """Largest first change of a variable, relative to its bounds' width."""
 LEAST_STEP = 1e-5
-"""Largest change of a variable below which a step counts as none."""
+"""Steps whose largest change of a variable is below this count as no step."""
 COMPARED = 10
 """Shortest step over which gradients are compared, relative to the jump of figures between meshes."""
 JUMP = 1e-3
@@ -44,11 +44,11 @@ class Trial(NamedTuple):
     Attributes
     ----------
     there : Linearisation or None
-        Goals and limits at the point; None if it fails.
+        Goals and limits at the point; None if its evaluation fails.
     here : Linearisation or None
-        The last accepted point, if it was evaluated again on the mesh of this one.
+        Goals and limits of the last accepted point, if it was evaluated again on the mesh of this point.
     jump : float
-        Error of a comparison of the two: relative for goals, absolute for limits.
+        Error of a comparison of the two points: relative for goals, absolute for limits.
     """
 
     there: Linearisation | None
@@ -57,7 +57,7 @@ class Trial(NamedTuple):
 
 
 At = Callable[[np.ndarray, np.ndarray], Trial]
-"""Evaluation at a point, the first argument, to be compared with the last accepted point, the second."""
+"""Evaluation at a point (first argument) for comparison with the last accepted point (second argument)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,16 +86,16 @@ class Step:
 
 
 def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-    """Minimise the largest of several goals within limits, from a valid start.
+    """Minimise the largest of several goals within limits, starting from a valid point.
 
     Each step minimises the largest of the linearised goals plus a common quadratic term within the linearised limits
     and a box around the last point (R. Fletcher, Practical Methods of Optimization, 1987, chapters 12 and 14). The
     quadratic term is that of the Lagrangian, by damped BFGS updates (M. J. D. Powell, 1978). Once points have failed,
-    steps end before a plane between them and all others.
+    steps end before a plane that separates the failed points from all others.
 
-    Where no improvement is expected, the curvature may be wrong: it may stem from a distant steep slope or kink, and
-    steps have become too short to correct it. So the descent restarts from that point without this curvature. It ends
-    where it has gained nothing since the last restart.
+    If no improvement is expected, the curvature may be wrong: it may stem from a distant steep slope or kink, and steps
+    may have become too short to correct it. The descent therefore restarts from that point without this curvature. It
+    ends if it has gained nothing since the last restart.
 
     Parameters
     ----------
@@ -115,12 +115,12 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
     assert here is not None
     x, radius, penalty = start, FIRST_STEP, 0.0
     reference, last_jump = (start, here), JUMP  # the point with which gradients are compared next
-    is_initial, has_gained = True, False  # of the curvature; since the last restart
+    is_initial, has_gained = True, False  # of the curvature; anything gained since the last restart
     readable: list[np.ndarray] = [start]
     failed: list[np.ndarray] = []
     curvature = _even_curvature(here)
     for _ in range(STEPS):
-        # The best step of the model; a restart, or the end, where it gains nothing.
+        # The best step of the model. If it gains nothing, the descent restarts or ends.
         step = best_step(x, off_failures(x, here, readable, failed), curvature, radius)
         size = max(abs(here.worst), TINY)
         violation_decrease = here.violation - step.violation
@@ -135,7 +135,7 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
         if violation_decrease > 0:
             penalty = max(penalty, -2 * step.goal / violation_decrease)
 
-        # Evaluation of its end, and of the last point again if the mesh had to be renewed.
+        # Evaluation at the end of the step, and again at the last point if the mesh had to be renewed.
         end = np.clip(x + step.d, 0.0, 1.0)
         there, here_again, jump = at(end, x)
         here = here if here_again is None else here_again
@@ -144,7 +144,7 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
         length = float(np.abs(step.d).max())
         if there is None:
             if np.linalg.norm(np.subtract([x, *failed], end), axis=1).min() <= LEAST_GAP:
-                radius = 0.4 * length  # a plane between the points would be too close to both
+                radius = 0.4 * length  # a separating plane would be too close to both points
             failed.append(end)
             continue
 
@@ -177,7 +177,7 @@ def best_step(x: np.ndarray, here: Linearisation, curvature: np.ndarray, radius:
     x : (V,) ndarray
         Current point.
     here : Linearisation
-        Goals and limits there.
+        Goals and limits at that point.
     curvature : (V, V) ndarray
         Quadratic term of all goals.
     radius : float
@@ -236,7 +236,7 @@ def _lagrangian_rate(at: Linearisation, step: Step) -> np.ndarray:
 def _updated(curvature: np.ndarray, s: np.ndarray, y: np.ndarray, is_initial: bool) -> np.ndarray:
     """Damped BFGS update by the change ``y`` (V,) of the gradient over the step ``s`` (V,).
 
-    It stays positive definite. An initial curvature is first scaled to that along the step.
+    The curvature stays positive definite. An initial curvature is first scaled to the curvature along the step.
     """
     if is_initial and s @ y > 0:
         curvature = float(s @ y / (s @ s)) * np.eye(len(s))

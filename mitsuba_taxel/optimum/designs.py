@@ -37,7 +37,7 @@ SHIFT = 0.01
 SMALL = 1e-4
 """Step of a variable for differences of figures of the shape, which are exact."""
 OTHERS = 2
-"""Number of columns after those of readings: the largest strain and the clearance."""
+"""Number of columns after the readings: the largest strain and the clearance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +49,11 @@ class DesignEvaluation:
     values : DesignResponses
         Readings and dimensions.
     by : list[DesignResponses]
-        For each variable, readings and dimensions with their derivatives times `TINY` as imaginary parts. Derivatives
-        are by the variable in the unit cube; 0 for a variable that the design does not have.
+        For each variable, readings and dimensions whose imaginary parts are their derivatives times `TINY`. Derivatives
+        are with respect to the variable in the unit cube; 0 for a variable that the design does not have.
     by_tolerance : list[DesignResponses]
-        The same responses for each parameter with a tolerance, per standard deviation. Variation of the shape is
-        neglected.
+        The same responses for each parameter with a tolerance, with derivatives per standard deviation. Variation of
+        the shape is neglected.
     """
 
     values: DesignResponses
@@ -62,7 +62,8 @@ class DesignEvaluation:
 
 
 class _DesignRows(NamedTuple):
-    """Rows of a design in the study: those of its loads, and by line the row of its load path to the first contact."""
+    """Rows of a design in the study: one for each load, and for each line the row of its load path to the first
+    contact."""
 
     loads: list[int]
     contacts: dict[str, int]
@@ -74,7 +75,7 @@ class _DesignRows(NamedTuple):
 
 
 class DesignEvaluator:
-    """Evaluates designs, in ``folder``, by derivatives where available, else by differences.
+    """Evaluates designs with a study in ``folder``, by derivatives if available, else by differences.
 
     Attributes
     ----------
@@ -85,13 +86,13 @@ class DesignEvaluator:
     seconds_of : dict[Design, float]
         Time of the jobs of each design.
     failures : dict[Design, str]
-        Reasons of failed designs.
+        Reasons why designs failed.
     notes : list[str]
         Remarks on the evaluation.
     has_parts : bool
         Whether a design has deformable pads.
     no_contact : dict[str, str]
-        Reasons of lines without a first contact.
+        Reasons why the first contact along a line cannot be computed.
     """
 
     def __init__(self, plan: Plan, pool: Pool, folder: Path, retry_failed: bool, batch: Batch | None = None) -> None:
@@ -100,7 +101,7 @@ class DesignEvaluator:
         self._names = [variable.name for variable in plan.variables]
         other_parameters = [name for name in plan.tolerances if name not in self._names]
 
-        # One valid design for each choice; parameters without derivatives in any of them.
+        # One valid design for each choice, and the parameters without derivatives in any of these designs.
         first = {design.choice: design for design in reversed(plan.initial_designs())}
         refused: dict[str, str] = {}
         for design in first.values():
@@ -117,7 +118,7 @@ class DesignEvaluator:
             if name in refused:
                 raise InputError(f"tolerance of {name} cannot be computed: {refused[name]}")
 
-        # Parameters with derivatives, what designs have, and empty results.
+        # Parameters with derivatives, whether designs have pads and first contacts, and empty results.
         self._by = [name for name in [*self._names, *other_parameters] if name not in refused]
         self._has_pads = any(pads_of(plan.scene(design)) for design in first.values())
         self.has_parts = any(parts_of(plan.scene(design)) for design in first.values())
@@ -130,7 +131,8 @@ class DesignEvaluator:
         self._evaluated: dict[Design, DesignEvaluation] = {}
 
     def can_move(self, design: Design) -> bool:
-        """Whether the mesh of the origin of a design can be moved onto its pads; False if it has none."""
+        """Whether the mesh of the origin of a design can be moved onto the pads of the design; False if it has no
+        origin."""
         if not (self._has_pads and pads_of(self._plan.scene(design.alone))):
             return False
         try:
@@ -164,8 +166,8 @@ class DesignEvaluator:
         needed = [variant for design in designs for variant in (design, *shifted[design].values())]
         study, rows_of = self._study(needed)
 
-        # Readings by random paths have no derivatives: all designs are then evaluated by differences, in a study of
-        # their own.
+        # Readings by random paths have no derivatives: all designs are then evaluated by differences, in a separate
+        # study.
         if self._by and "smooth_power" not in study:
             if set(self._by) - set(self._names):
                 raise InputError(f"tolerances cannot be computed: {study.attrs['notes'].splitlines()[0]}")
@@ -174,7 +176,7 @@ class DesignEvaluator:
             self._read(designs)
             return
 
-        # Cost of all designs.
+        # Time and number of load steps of all designs.
         self._rows |= {number for variant in needed for number in rows_of[variant].loads}
         self._contact_rows |= {number for variant in needed for number in rows_of[variant].contacts.values()}
         self.loads = len(self._rows)
@@ -207,11 +209,12 @@ class DesignEvaluator:
 
     @property
     def _study_folder(self) -> Path:
-        """Folder of the study; evaluation by differences, whose rows differ, has one of its own."""
+        """Folder of the study; evaluation by differences has a separate folder, as its rows differ."""
         return self._folder if self._by else self._folder.with_name(f"{self._folder.name}_by_differences")
 
     def _shifted(self, design: Design) -> dict[tuple[int, int], Design]:
-        """Neighbours of a design for central differences, by the index of a variable without derivative, and the sign.
+        """Neighbours of a design for central differences, by the index of a variable without derivative and the sign of
+        its change.
 
         A neighbour has the mesh of the design, moved. If the neighbour is refused, the design itself is used instead,
         for a one-sided difference.
@@ -234,16 +237,16 @@ class DesignEvaluator:
         Returns
         -------
         study : xr.Dataset
-            Readings over steps, with derivatives by `_by`.
+            Readings over steps, with derivatives with respect to the parameters in `_by`.
         rows_of : dict[Design, _DesignRows]
-            Steps of each design.
+            Rows of each design.
         """
-        # Columns: parameters of designs, of loads, of moved meshes, and of first contacts.
+        # Columns: parameters of designs, loads, moved meshes and first contacts.
         names = [*self._plan.parameters(designs[0]), *dict.fromkeys(n for row in self._plan.loads for n in row)]
         names += [*([MESHED_AS] if self._has_pads else []), *([TO_CONTACT] if self.has_parts else [])]
         contact_loads = {line: load for line, load in self._plan.to_contact.items() if line not in self.no_contact}
 
-        # Rows: those that are stored, if their columns are the same, then those of the designs at all loads.
+        # Rows: the stored rows, if their columns are the same, then the designs at all loads.
         base = self._plan.base
         stored = stored_study(self._study_folder).get("together", {})
         rows = dict.fromkeys(zip(*(stored[name] for name in names), strict=True)) if set(names) == set(stored) else {}
@@ -280,7 +283,7 @@ class DesignEvaluator:
     ) -> np.ndarray:
         """Derivatives of :meth:`_power` by variables in the unit cube, (variables, loads, taxels + 2).
 
-        They are those of the study, or central differences to the neighbours ``shifted``.
+        Derivatives are taken from the study, or are central differences to the neighbours ``shifted``.
         """
         rates = np.zeros((len(self._names), *power[design].shape))
         for number, variable in enumerate(self._plan.variables):
@@ -307,7 +310,8 @@ class DesignEvaluator:
     def _contacts(
         self, study: xr.Dataset, design: Design, rows: dict[Design, _DesignRows], shifted: dict[tuple[int, int], Design]
     ) -> dict[str, DesignContact]:
-        """First contacts by line, with derivatives from the study or the neighbours ``shifted``; NaN if unknown."""
+        """First contact along each line, with derivatives from the study or from the neighbours ``shifted``; NaN if
+        unknown."""
         contacts = {}
         for line, row in rows[design].contacts.items():
             slopes = {name: first_contact_in(study.sel(parameter=name), row, "_derivative") for name in self._by}
@@ -333,7 +337,8 @@ class DesignEvaluator:
         by_tolerance: list[np.ndarray],
         contacts: dict[str, DesignContact],
     ) -> DesignEvaluation:
-        """The evaluated design, from readings and derivatives of :meth:`_power` and first contacts by line."""
+        """The evaluated design, from readings of :meth:`_power`, their derivatives, and the first contact along each
+        line."""
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 

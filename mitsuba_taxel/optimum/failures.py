@@ -28,7 +28,7 @@ def off_failures(
     x : (V,) ndarray
         Current point.
     here : Linearisation
-        Goals and limits there.
+        Goals and limits at that point.
     readable, failed : Sequence[(V,) ndarray]
         Points that could be evaluated, and points that failed.
     """
@@ -46,7 +46,7 @@ def off_failures(
 
 def nearest(points: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The nearest points, each (V,), of the convex hulls of ``points`` (N, V) and ``others`` (M, V)."""
-    heavy = 1e3  # enforces that the weights of each sum to 1
+    heavy = 1e3  # enforces that the weights of either set sum to 1
     sums = heavy * np.repeat(np.eye(2), [len(points), len(others)], axis=1)
     weights, _ = nnls(np.vstack([np.concatenate([points, -others]).T, sums]), [0.0] * points.shape[1] + [heavy] * 2)
     weights_points, weights_others = np.split(weights, [len(points)])

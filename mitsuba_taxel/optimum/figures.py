@@ -53,9 +53,9 @@ class LineResponse:
         Value of the parameter at which pads first touch anything, or at which their load path ends, at most `FURTHEST`
         times the last load; NaN if unknown.
     touched : str
-        Object that they touch there; empty without contact.
+        Object that the pads touch at that value; empty without contact.
     ended : str
-        Reason why the load path ends there without contact, such as an instability; empty if it does not.
+        Reason why the load path ends without contact, such as an instability; empty if it does not.
     """
 
     values: np.ndarray
@@ -88,8 +88,8 @@ class DesignResponses:
     def readings(self, line: str) -> np.ndarray:
         """Readings along a line, (K, T) in W, or in V with a circuit.
 
-        Voltages are those before the converter and exceed its full scale, so that a descent can return from there. A
-        constraint keeps the best design below it.
+        Voltages are computed before the converter and may exceed its full scale, so that a descent can return from
+        there. A constraint keeps the best design below the full scale.
         """
         power = self.lines[line].power
         if self.circuit is None:
@@ -103,7 +103,8 @@ class DesignResponses:
         return (readings[-1] - readings[0]) / (values[-1] - values[0])
 
     def noise(self, line: str, constant: float | None) -> np.ndarray:
-        """Standard deviation of each reading, (K, T): ``constant`` in W, or by default that of the circuit in V."""
+        """Standard deviation of each reading, (K, T): ``constant`` in W, or by default the noise of the circuit in
+        V."""
         power = self.lines[line].power
         if constant is not None:
             return np.full(power.shape, complex(constant))
@@ -137,7 +138,7 @@ def relative_sensitivity(responses: DesignResponses, along: str) -> np.ndarray:
 def nonlinearity(responses: DesignResponses, along: str) -> np.ndarray:
     """Distance of each reading from the straight line between the ends, relative to the taxel's largest change.
 
-    Equation 7 of the paper.
+    Equation 7 of the paper on which this program is based.
     """
     readings, values = responses.readings(along), responses.lines[along].values
     change = readings - readings[0]
@@ -179,17 +180,18 @@ def saturation(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def measuring_range(responses: DesignResponses, along: str) -> np.ndarray:
-    """Magnitudes of the loads that limit the measuring range: of the first contact and of the saturation of taxels.
+    """Magnitudes of the loads that limit the measuring range: at the first contact and at the saturation of each taxel.
 
-    The first contact is left out if it is unknown, saturation without a circuit. Power is interpolated linearly between
-    loads, and extrapolated beyond the last from the last two.
+    The first contact is omitted if it is unknown, and saturation without a circuit. Power is interpolated linearly
+    between loads, and extrapolated from the last two beyond the last load.
     """
     return np.concatenate(_ends(responses, along))
 
 
 def _ends(responses: DesignResponses, along: str) -> tuple[np.ndarray, np.ndarray]:
-    """Magnitudes of loads: that of the first contact, empty if unknown, and those at which each taxel saturates, empty
-    without a circuit."""
+    """Magnitude of the load at the first contact, and magnitudes at which each taxel saturates.
+
+    The first is empty if unknown, the second without a circuit."""
     line, saturated = responses.lines[along], np.zeros(0)
     if responses.circuit is not None:
         saturated = _used_up(saturating_power(responses.circuit) - line.power, line.values)
@@ -225,7 +227,7 @@ def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def noise_equivalent_force(responses: DesignResponses, along: str, noise: float | None = None) -> np.ndarray:
-    """Noise of each reading, divided by the mean slope of its taxel: the noise as a force."""
+    """Noise of each reading as a force: the noise divided by the mean slope of its taxel."""
     return (responses.noise(along, noise) / _magnitude(responses.slopes(along))).ravel()
 
 
@@ -234,8 +236,8 @@ def resolution(
 ) -> np.ndarray:
     """Standard deviation of each load along the lines ``of``, if all loads are estimated together from all readings.
 
-    It is the root of the diagonal of the inverse Fisher information, from mean slopes and the noise of the first
-    readings; NaN if readings do not distinguish all loads. By default, ``of`` is ``along``.
+    It is the root of the diagonal of the inverse Fisher information, computed from mean slopes and the noise of the
+    first readings; NaN if readings do not distinguish all loads. By default, ``of`` is ``along``.
     """
     slopes = np.stack([responses.slopes(line) / responses.noise(line, noise)[0] for line in along], axis=1)
     sizes = np.linalg.norm(slopes.real, axis=0)
@@ -280,9 +282,9 @@ class FigureOfMerit:
     components : Callable
         Function of a `DesignResponses` and the figure's parameters, which returns the components (N,).
     unit : str
-        Unit, with ``{u}`` for that of readings and ``{f}`` for that of the parameter along its lines.
+        Unit, with ``{u}`` for the unit of readings and ``{f}`` for the unit of the parameter along its lines.
     takes : tuple[str, ...]
-        Names of parameters in addition to lines.
+        Names of its parameters in addition to lines.
     steps, lines : int
         Least numbers of loads and lines; a figure without lines does not depend on readings.
     """
@@ -339,7 +341,7 @@ class Figure:
 
 
 def end_of(figure: Figure, responses: DesignResponses) -> str:
-    """The reason why a range or a first contact ends where it does, in words."""
+    """What ends a range or a load path to the first contact, in words."""
     line = responses.lines[figure.parameters["along"]]
     with np.errstate(invalid="ignore"):
         contact, saturated = (loads.real for loads in _ends(responses, figure.parameters["along"]))

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 def front(optimiser: Optimiser, other: Goal, points: int) -> pandas.DataFrame:
-    """Non-dominated designs from the best by the study's objective to the best by another objective.
+    """Non-dominated designs between the best designs by the study's objective and by another objective.
 
-    The other objective is bounded at even steps between the two (epsilon-constraint), and each descent starts from the
-    best design that already meets the bound.
+    The other objective is bounded at even steps between its values at these two designs (epsilon-constraint), and each
+    descent starts from the best design that already meets the bound.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def front(optimiser: Optimiser, other: Goal, points: int) -> pandas.DataFrame:
     other : Goal
         The other objective.
     points : int
-        Number of designs, the two ends included.
+        Number of designs, including the two ends.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def front(optimiser: Optimiser, other: Goal, points: int) -> pandas.DataFrame:
     ends = [optimiser.best(goal, limits) or best, optimiser.best(other, limits) or best]
     first, last = (worst_of(other, optimiser.read(end)) for end in ends)
 
-    # The best designs by the study's objective at bounds of the other one.
+    # The best designs by the study's objective within bounds of the other objective.
     candidates = dict.fromkeys(ends)
     for bound in np.linspace(first, last, points)[1:-1].tolist():
         bounded = [*limits, Limit(other.figure, other.sign, bound)]

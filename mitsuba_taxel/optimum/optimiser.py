@@ -18,9 +18,10 @@ from mitsuba_taxel.optimum.search import Linearisation, Stationarity, stationari
 QUANTILE = 1.2816
 """Quantile of 90 % of a normal distribution, in standard deviations."""
 ROUNDS = 3
-"""Largest number of successive descents with tolerances, whose spread is evaluated at the start of each."""
+"""Largest number of successive descents with tolerances; the spread is evaluated at the start of each."""
 SAME = 1e-6
-"""Largest difference of equal designs, relative to the bounds' width: another mesh makes more difference."""
+"""Largest difference of designs that count as equal, relative to the bounds' width; another mesh changes readings
+more."""
 NEAR = 0.02
 """Largest difference, relative to the bounds' width, of designs whose gradients differ by their meshes rather than by
 the designs."""
@@ -34,7 +35,7 @@ class OptimisationProgress(NamedTuple):
     Attributes
     ----------
     designs, failed : int
-        Numbers of evaluated designs, and of those that failed.
+        Number of evaluated designs, and number of failed designs.
     best : str
         Objective of the best design so far, in words; empty if none meets all constraints yet.
     """
@@ -71,7 +72,7 @@ class Optimiser:
         self._descent_of: dict[Design, int] = {}
 
     def evaluate(self, designs: Sequence[Design]) -> list[DesignEvaluation | None]:
-        """Evaluate designs, all in one run of their study; None for a design that fails."""
+        """Evaluate designs in one run of their study; None for a design that fails."""
         for design, read in zip(designs, self.designs.read(designs), strict=True):
             if design not in self._read:
                 self._read[design], self._descent_of[design] = read, self._descents
@@ -96,9 +97,9 @@ class Optimiser:
         return evaluated
 
     def linearisation(self, design: Design, goal: Goal, limits: Sequence[Limit]) -> Linearisation | None:
-        """Goals of a design relative to the worst of `before`, and limits relative to their bounds.
+        """Goals of a design relative to the worst goal of `before`, and limits relative to their bounds.
 
-        None if the design fails, or has no goal or a figure that is not finite.
+        None if the design fails, has no goal, or has a figure that is not finite.
         """
         (read,) = self.evaluate([design])
         return None if read is None else self._linearise(read, read, goal, limits)
@@ -106,8 +107,9 @@ class Optimiser:
     def _linearise(
         self, read: DesignEvaluation, spread: DesignEvaluation, goal: Goal, limits: Sequence[Limit]
     ) -> Linearisation | None:
-        """Goals and limits as in :meth:`linearisation`, each figure made worse by the spread that tolerances cause at
-        the design ``spread``."""
+        """Goals and limits as in :meth:`linearisation`, with each figure made worse by its spread.
+
+        The spread is caused by tolerances and computed at the design ``spread``."""
         scale = abs(worst_of(goal, self.read(self.before))) or 1.0
         goals, goal_rates = _loss(goal, read, spread)
         none = np.zeros((0, len(read.by)))
@@ -124,8 +126,8 @@ class Optimiser:
     def descend(self, start: Design, goal: Goal, limits: Sequence[Limit]) -> None:
         """Descend from a design; all evaluated designs are in the history.
 
-        During a descent, the spread due to tolerances is that of its start. With tolerances, further descents start
-        where the last one ended.
+        During a descent, the spread due to tolerances is the spread at its start. With tolerances, further descents
+        therefore start from the end of the last descent.
         """
         # Designs at points, by their variables: the same point may be evaluated on several meshes.
         before = len(self.history)
@@ -139,7 +141,7 @@ class Optimiser:
             return None if read is None else self._linearise(read, self.read(start), goal, limits)
 
         def at(end: np.ndarray, x: np.ndarray) -> Trial:
-            # The mesh of the last point is moved to the end; where it cannot be, the last point is evaluated again.
+            # The mesh of the last point is moved to the end; if that is impossible, the last point is evaluated again.
             here = placed[tuple(x.tolist())]
             if np.array_equal(end, x):
                 return Trial(linearisation(here))
@@ -173,8 +175,8 @@ class Optimiser:
     def _beside(self, here: Design, x: np.ndarray) -> tuple[Design, Design]:
         """Two designs on a common mesh, as far as possible: ``here``, and a design at ``x``.
 
-        The mesh of ``here`` is moved to ``x``. If it cannot be, because it has been moved already, ``here`` gets a mesh
-        of its own, which is moved. If that cannot be either, the design at ``x`` gets a mesh of its own.
+        The mesh of ``here`` is moved to ``x``. If it has been moved already and cannot be moved again, ``here`` is
+        meshed anew and the new mesh is moved. If that fails, too, the design at ``x`` is meshed itself.
         """
         there = self.plan.design(here.choice, x.tolist())
         if self.plan.refusal(there) is None:
@@ -185,7 +187,7 @@ class Optimiser:
         return here, self._alike(there)
 
     def _alike(self, design: Design) -> Design:
-        """An evaluated design that is nearly equal and has the same mesh, or else this design."""
+        """An evaluated design that is nearly equal and has the same mesh; this design if there is none."""
         for evaluated in self.history:
             equal = evaluated.choice == design.choice and _distance(evaluated, design) <= SAME
             if equal and (evaluated.origin == design.origin or evaluated.family == design.family):
@@ -225,7 +227,8 @@ class Optimiser:
         return gain / (abs(first.worst) or 1.0), len(self.history) - before
 
     def stationarity(self, best: Design, *finer: DesignEvaluation) -> Stationarity:
-        """Multipliers and unbalanced slope of a design, with gradients averaged over meshes, by which they scatter.
+        """Multipliers and unbalanced slope of a design; gradients scatter from mesh to mesh and are averaged over
+        meshes.
 
         Gradients are averaged over the design itself, a close design on each of the other meshes, and ``finer``, the
         design on finer meshes.
@@ -254,7 +257,7 @@ class Optimiser:
         ]
 
     def _number_of(self, design: Design) -> int:
-        """The number in the history of the design whose mesh was moved onto this one."""
+        """Number in the history of the design whose mesh was moved onto this design."""
         return 1 + self.history.index(Design(design.choice, design.family))
 
     def rows(self) -> list[dict[str, Any]]:
@@ -298,16 +301,17 @@ def with_rates(figure: Figure, read: DesignEvaluation) -> tuple[np.ndarray, np.n
 def worst_of(criterion: Goal | Limit, read: DesignEvaluation) -> float:
     """The worst component of a figure, including its spread due to tolerances.
 
-    It is the largest if the figure should be small, else the least; NaN if the design has no component, as a flat roof
-    has no radius.
+    It is the largest component if the figure should be small, else the least; NaN if the design has no component, as a
+    flat roof has no radius.
     """
     losses = _loss(criterion, read, read)[0]
     return criterion.sign * float(losses.max()) if losses.size else math.nan
 
 
 def _loss(criterion: Goal | Limit, read: DesignEvaluation, spread: DesignEvaluation) -> tuple[np.ndarray, np.ndarray]:
-    """Components (N,) to be minimised, including the spread due to tolerances at ``spread``, and their derivatives
-    (N, V) without it."""
+    """Components (N,) to be minimised and their derivatives (N, V).
+
+    Components include the spread due to tolerances at the design ``spread``; derivatives do not."""
     values, rates = with_rates(criterion.figure, read)
     shifts = [criterion.figure.components(readings).imag / TINY for readings in spread.by_tolerance]
     return criterion.sign * values + QUANTILE * np.sqrt(np.square(shifts).sum(axis=0)), criterion.sign * rates

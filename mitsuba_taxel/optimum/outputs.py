@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas
 
 NEGLIGIBLE = 1e-5
-"""Errors of figures, relative to these, below which they are shown as 0."""
+"""Errors of figures below this, relative to the figures, are shown as 0."""
 TABLES = ("figures", "variables", "slopes", "history", "front")
 
 
@@ -35,7 +35,7 @@ def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Pat
     before, best : Design
         The first and the best design.
     result : Optimum
-        Their comparison.
+        Comparison of the two designs.
     folder : Path
         Existing folder.
     """
@@ -115,7 +115,7 @@ def printed_optimum(result: Optimum) -> Printed:
 
 
 def changes(result: Optimum) -> list[tuple[str, str, str, str]]:
-    """Parameters that the best design changes: name, value before, value of the best design, and active bound."""
+    """Changed parameters: name, value before, value of the best design, and active bound."""
     at = dict(zip(result.variables.variable, result.variables["at"], strict=True))
     pairs = ((name, result.before[name], word) for name, word in result.best.items())
     return [(name, old, f"{at_best(word)}", at.get(name, "")) for name, old, word in pairs if word != old]
@@ -136,19 +136,19 @@ def as_markdown(table: pandas.DataFrame) -> str:
 
 
 def _shown_error(error: float, value: float) -> str:
-    """Two digits of an error; 0 where none of the four digits of the figure can show it."""
+    """An error with two digits; 0 if it is too small to be seen in the four digits of the figure."""
     return "" if math.isnan(error) else "0" if error < NEGLIGIBLE * abs(value) else f"{error:.2g}"
 
 
 def shown(number: float) -> str:
-    """A number with four digits; blank for NaN, as of a figure that a design does not have."""
+    """A number with four digits; blank for NaN, for example if a design does not have the figure."""
     return "" if math.isnan(number) else f"{number:.4g}"
 
 
 def gain_line(result: Optimum) -> str:
     """The improvement of the best design, and its certainty."""
     if result.gain_error != result.gain_error:
-        return f"The objective improves by {result.gain:.1%}. The error of this is not known."
+        return f"The objective improves by {result.gain:.1%}. Its error is not known."
     return (
         f"The objective improves by {result.gain:.1%} ± {result.gain_error:.1%}. The best design is better than the "
         f"first one with a probability of {result.probability:.4f}."
@@ -167,5 +167,5 @@ def slope_line(result: Optimum) -> str:
 
 
 def cost_line(result: Optimum) -> str:
-    """Seconds, and numbers of designs and load steps, which may change with rounding errors."""
+    """Seconds, and numbers of designs and load steps. The numbers may change with rounding errors."""
     return f"Seconds: jobs {result.seconds:.0f}, of {len(result.history)} designs with {result.load_steps} load steps"

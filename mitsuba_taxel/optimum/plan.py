@@ -20,7 +20,7 @@ from mitsuba_taxel.studies.plan.batch import Batch
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT
 
 TRIED = 256
-"""Largest number of points within the bounds at which a valid pad is searched."""
+"""Largest number of points within the bounds that are tried in search of a valid pad."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Variable:
     start : float
         Initial value.
     only : Mapping[str, tuple[str, ...]]
-        Words of choices for which the variable applies, by choice; empty if it always applies.
+        For each choice, the words for which the variable applies; empty if it always applies.
     """
 
     name: str
@@ -87,9 +87,9 @@ class Design:
     choice : tuple[str, ...]
         Word of each choice.
     x : tuple[float, ...]
-        The variables in the unit cube of their bounds; variables that do not apply have their initial values.
+        Variables, scaled by their bounds to the unit cube; variables that do not apply have their initial values.
     origin : tuple[float, ...] or None
-        Variables of the design whose mesh is moved to this design; None if it is meshed itself.
+        Variables of the design whose mesh is moved to this design; None if this design is meshed itself.
     """
 
     choice: tuple[str, ...]
@@ -120,7 +120,7 @@ class Plan:
     variables : list[Variable]
         Numeric parameters that are varied continuously.
     choices : dict[str, list[str]]
-        Values, by parameter, that are tried one after another.
+        Values to try, one after another, for each parameter.
     lines : dict[str, tuple[str, list[dict[str, str]]]]
         Lines of loads by name: the parameter that changes, and the values of all parameters at each load.
     goal : Goal
@@ -128,7 +128,7 @@ class Plan:
     limits : list[Limit]
         Constraints.
     starts, evaluations : int
-        Numbers of starts for each choice, and of evaluations for each start.
+        Number of starts for each choice, and number of evaluations for each start.
     tolerances : dict[str, float]
         Standard deviations by parameter.
     front : tuple[Goal, int] or None
@@ -177,7 +177,7 @@ class Plan:
     def to_contact(self) -> dict[str, dict[str, str]]:
         """Parameters of the load path to the first contact, for each line whose first contact is needed.
 
-        They are those of the last load, and `TO_CONTACT`.
+        Parameters of the last load, with `TO_CONTACT`.
         """
         last_loads = {}
         for line in dict.fromkeys(figure.parameters["along"] for figure in self.figures if figure.kind in TO_THE_END):
@@ -189,7 +189,7 @@ class Plan:
 
     @property
     def before(self) -> Design:
-        """The original scene, or the first choices if its own are not among them."""
+        """The original scene, or a design with the first words of choices if the words of the scene are not allowed."""
         base = self.base
         choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
         return Design(choice, tuple(variable.start_fraction for variable in self.variables))
@@ -207,7 +207,7 @@ class Plan:
         )
 
     def values(self, design: Design) -> dict[str, float]:
-        """Values, by name, of the variables that apply to a design, rounded as they are written to scenes."""
+        """Values by name of the variables that apply to a design, rounded as in written scenes."""
         pairs = zip(self.variables, design.x, self.has(design.choice), strict=True)
         return {
             variable.name: float(f"{variable.low + x * (variable.high - variable.low):.12g}")
@@ -216,24 +216,26 @@ class Plan:
         }
 
     def parameters(self, design: Design) -> dict[str, str]:
-        """Parameters of the scene of a design; variables that do not apply are `NONE`, which removes what uses them."""
+        """Parameters of the scene of a design; variables that do not apply are `NONE`, which removes the elements that
+        use them."""
         numbers = {name: f"{value:.12g}" for name, value in self.values(design).items()}
         words = dict(zip(self.choices, design.choice, strict=True))
         return {**words, **{variable.name: numbers.get(variable.name, NONE) for variable in self.variables}}
 
     def refusal(self, design: Design) -> InputError | None:
-        """The error of an invalid design, as far as its description shows it; None if it is valid."""
+        """The error of a design whose description is invalid; None if it is valid."""
         return refusal_of(self.scene(design))
 
     def mesh_of(self, design: Design) -> str:
-        """Value of `MESHED_AS`: parameters of the design whose mesh is moved to this design, or `NONE`."""
+        """Value of `MESHED_AS`: parameters of the design whose mesh is moved to this design, or `NONE` without such a
+        design."""
         if design.origin is None:
             return NONE
         origin = self.parameters(replace(design, x=design.origin))
         return ", ".join(f"{name}={word}" for name, word in origin.items() if word != NONE)
 
     def scene_parameters(self, design: Design) -> dict[str, str]:
-        """Parameters of the scene of a design, with that of its moved mesh."""
+        """Parameters of the scene of a design, with `MESHED_AS`."""
         return self.parameters(design) | ({} if design.origin is None else {MESHED_AS: self.mesh_of(design)})
 
     def scene(self, design: Design) -> Scene:
@@ -241,7 +243,7 @@ class Plan:
         return self.batch.scene(self.scene_parameters(design))
 
     def initial_designs(self) -> list[Design]:
-        """Initial designs for each choice: the scene's own values if valid, and points of a Sobol' set.
+        """Initial designs for each choice: the values of the scene if valid, and points of a Sobol' sequence.
 
         Raises
         ------
@@ -273,7 +275,7 @@ class Plan:
 
 
 def _spread(dimensions: int, seed: int) -> Iterator[tuple[float, ...]]:
-    """Points of a scrambled Sobol' sequence in the unit cube."""
+    """Points of a scrambled Sobol' sequence, which spread over the unit cube."""
     from scipy.stats import qmc
 
     points = qmc.Sobol(dimensions, seed=np.random.default_rng(seed)).random(TRIED)

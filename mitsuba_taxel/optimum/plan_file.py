@@ -18,7 +18,7 @@ from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
 from mitsuba_taxel.studies.plan.batch import make_batch, read_study_of
 
 POINTS = 16
-"""Default number of points of random paths, by which scenes are read that need them."""
+"""Default number of points, for scenes that need random paths."""
 READ_KEYS = ("points", "mesh_size", "seed")
 KEYS = (
     "maximise", "minimise", "variables", "choices", "loads", "constraints", "starts", "evaluations", "front",
@@ -36,9 +36,9 @@ def read_plan(file: Path) -> Plan:
     Raises
     ------
     InputError
-        if it is not such a study, or does not fit its scene.
+        if the file is not such a study, or does not fit its scene.
     """
-    # The study file, without keys that an optimisation does not use.
+    # The study file; keys that an optimisation does not use are refused.
     content, table = read_study_of("optimise", file)
     (scene,) = content.pop("scenes")
     if not isinstance(table, dict) or not isinstance(table.get("variables"), dict) or not table["variables"]:
@@ -50,7 +50,7 @@ def read_plan(file: Path) -> Plan:
         if name not in KEYS:
             raise InputError(f"optimise: {name} is not known: allowed are {', '.join(KEYS)}.")
 
-    # The scene; a batch needs a varied parameter, which is the first variable here.
+    # The scene; a batch needs a varied parameter, here the first variable.
     circuit = circuit_of(content.pop("circuit")) if "circuit" in content else None
     defines, reading = dict(scene.get("define", {})), {"points": POINTS, **content}
     source, folder = str(scene.get("scene", "")), file.resolve().parent
@@ -87,7 +87,8 @@ def _count(table: Mapping[str, Any], name: str, default: int) -> int:
 
 
 def _variable(name: str, definition: Any, base: Mapping[str, str], choices: Mapping[str, list[str]]) -> Variable:
-    """The variable with this definition; its initial value is that of the scene's parameters ``base`` by default."""
+    """The variable with this definition; by default, its initial value is its value in the scene's parameters
+    ``base``."""
     table = (
         {"low": definition[0], "high": definition[1]}
         if is_row(definition, is_number) and len(definition) == 2
@@ -113,7 +114,7 @@ def _variable(name: str, definition: Any, base: Mapping[str, str], choices: Mapp
 
 
 def _only(name: str, words_of: Any, choices: Mapping[str, list[str]]) -> dict[str, tuple[str, ...]]:
-    """Words of choices for which a variable applies, by choice."""
+    """For each choice, the words for which a variable applies."""
     if not isinstance(words_of, Mapping):
         raise InputError(
             f"variable {name}: only = {words_of!r} is not allowed: a table of choices, each with a list "
@@ -197,7 +198,7 @@ class _FigureReader:
     Attributes
     ----------
     lines : Mapping[str, tuple[str, list[dict[str, str]]]]
-        Lines of loads, as of `Plan`.
+        Lines of loads, as in `Plan`.
     circuit : Circuit or None
         Read-out circuit.
     units : Mapping[str, str]
@@ -242,14 +243,14 @@ class _FigureReader:
         return limits
 
     def _refuse_beyond_loads(self, limit: Limit) -> None:
-        """Raise `InputError` if the bound of a range or a first contact is beyond the largest load that is computed."""
+        """Raise `InputError` if the bound of a range or of a first contact is beyond the largest computed load."""
         if limit.figure.kind in TO_THE_END and limit.sign < 0:
             along, rows = self.lines[limit.figure.parameters["along"]]
             largest = max(abs(float(row[along])) for row in rows)
             if limit.bound > FURTHEST * largest:
                 raise InputError(
-                    f"{limit.words} is not allowed with loads of {along} up to {largest:g}: it is known up to "
-                    f"{FURTHEST:g} times that, so loads up to {limit.bound / FURTHEST:g} or more are needed."
+                    f"{limit.words} is not allowed with loads of {along} up to {largest:g}: the figure is computed "
+                    f"up to {FURTHEST:g} times that load, so loads up to {limit.bound / FURTHEST:g} or more are needed."
                 )
 
     def figure(self, definition: Any) -> Figure:
@@ -272,7 +273,7 @@ class _FigureReader:
         )
 
     def _unit(self, name: str, parameters: dict[str, Any]) -> str:
-        """Unit of the loads whose components are computed. The parameter ``of`` is replaced by a tuple of lines."""
+        """Unit of the loads of a figure; the parameter ``of`` is replaced by a tuple of lines."""
         along = parameters.get("along", ())
         lines = tuple([along] if isinstance(along, str) else along)
         if "of" in parameters:
@@ -292,7 +293,7 @@ class _FigureReader:
         return units[0] if units else "1"
 
     def _along(self, name: str, requested: Any) -> str | tuple[str, ...]:
-        """The line of a figure, or the lines if its kind has several; by default the first, or all."""
+        """The line of a figure, by default the first; or, for kinds with several lines, the lines, by default all."""
         several = FIGURES_OF_MERIT[name].lines > 1
         names = (list(self.lines) if several else list(self.lines)[:1]) if requested is None else requested
         names = [names] if isinstance(names, str) else names
@@ -307,7 +308,7 @@ class _FigureReader:
                 along = f" along {line}" if line else ""
                 raise InputError(f"{name}{along} cannot be computed: {steps} loads or more are needed.")
         if several and len({self.lines[line][0] for line in names}) < len(names):
-            raise InputError(f"{name}: along = {names} is not allowed: each must have a load of its own that changes.")
+            raise InputError(f"{name}: along = {names} is not allowed: each must have a different load that changes.")
         return tuple(names) if several else names[0]
 
     def _check(self, name: str, parameters: Mapping[str, Any]) -> None:

@@ -37,41 +37,41 @@ class Optimum:
         Parameters of the original scene, and of the best design.
     figures : DataFrame
         One row for the objective and each constraint: ``unit``; ``before`` and ``best``, their worst components;
-        ``before_finer`` and ``best_finer``, their worst components on a finer mesh; ``error``, the error of ``best`` by
-        its elements and the noise of its light, extrapolated from the change by the finer mesh, NaN without one;
-        ``multiplier``, the relative gain of the objective if the bound were relaxed by its own size: above 0 if the
-        constraint binds.
+        ``before_finer`` and ``best_finer``, their worst components on a finer mesh; ``error``, the error of ``best``
+        due to its elements and the noise of its light, extrapolated from the change on the finer mesh, NaN without a
+        finer mesh; ``multiplier``, the relative gain of the objective, to first order, if the bound were relaxed by 100
+        %: above 0 if the constraint is active.
     variables : DataFrame
-        One row per variable: ``low``, ``high``, ``before``, ``best``, and the active bound, ``at``; NaN where a design
-        does not have it.
+        One row per variable: ``low``, ``high``, ``before``, ``best``, and the active bound, ``at``; NaN if a design
+        does not have the variable.
     slopes : DataFrame
-        Derivatives of the worst components at the best design, one row per figure and variable that it has.
+        Derivatives of the worst components at the best design, one row per figure and variable of that design.
     history : DataFrame
         One row per design, in order, with the number of the ``descent`` that evaluated it first (0 for the initial
-        designs), the number of the design whose mesh it has (``mesh_of``), and the ``best`` value of the objective so
-        far.
+        designs), the number of the design that was meshed for it (``mesh_of``; its own number if the mesh was not
+        moved), and the ``best`` value of the objective so far.
     front : DataFrame
-        Pareto front of the objective and another one, with parameters; empty if not requested.
+        Pareto front of the objective and another objective, with parameters; empty if not requested.
     gain, gain_error, probability : float
-        Relative improvement of the objective on the finer mesh, the change by that mesh, and the probability of an
-        improvement with that change as standard deviation.
+        Relative improvement of the objective on the finer mesh; its change due to that mesh; and the probability of an
+        improvement, with that change as standard deviation.
     unbalanced, unbalanced_error : float
-        Slope of the objective not balanced by constraints or bounds, over the width of the bounds and relative to the
-        objective, 0 at an optimum; and its standard error, NaN if it is from one gradient.
+        Slope of the objective that constraints and bounds do not balance, over the width of the bounds and relative to
+        the objective, 0 at an optimum; and its standard error, NaN if only one gradient is known.
     beyond : float
-        Relative gain of the objective by a descent from the best design on the finer mesh, which is made where no local
-        optimum is shown by the slope; NaN otherwise.
+        Relative gain of the objective by a descent from the best design on the finer mesh. The descent is made if the
+        slope does not show a local optimum; NaN otherwise.
     beyond_ended : bool
         Whether that descent ended because its steps improved the design no further.
     gradients : int
-        Number of gradients whose mean is the slope: that of the best design, those of close designs on other meshes
-        (within 2 % of the bounds, one for each mesh), and that on the finer mesh.
+        Number of gradients whose mean gives the slope: the gradient of the best design, those of close designs on other
+        meshes (within 2 % of the bounds, one for each mesh), and the gradient on the finer mesh.
     load_steps : int
-        Load steps computed for all designs, without the finer mesh.
+        Number of load steps computed for all designs, without the finer mesh.
     seconds : float
-        Time of their jobs.
+        Time of the jobs of these load steps.
     design_seconds : list[float]
-        Seconds of each design of the history; 0 for those refused before any job.
+        Time of each design of the history in s; 0 for designs refused before any job.
     warnings, notes : list[str]
     """
 
@@ -114,17 +114,17 @@ def make_optimum(
     best : Design
         Best design of the run.
     verification : MeshVerification
-        Both designs on a finer mesh, where a descent follows if the slope shows no local optimum.
+        Both designs on a finer mesh; a descent on it follows if the slope does not show a local optimum.
     trade_offs : DataFrame or None
         Pareto front.
     """
     import pandas
 
-    # Notes on the evaluation and on the ends of ranges.
+    # Notes on the evaluation and on what ends ranges.
     plan, before, notes = optimiser.plan, optimiser.before, list(optimiser.designs.notes)
     if plan.tolerances:
         names = ", ".join(plan.tolerances)
-        notes.append(f"figures are those that 90 % of all sensors keep, to first order in the tolerances of {names}")
+        notes.append(f"90 % of all sensors reach the stated figures, to first order in the tolerances of {names}")
     notes += [note for note in verification.notes if note not in notes]
     reads = {"before": optimiser.read(before), "best": optimiser.read(best)} | verification.reads
     notes += _ends(optimiser, verification, reads)
@@ -175,12 +175,12 @@ def make_optimum(
 
 
 def _ends(optimiser: Optimiser, verification: MeshVerification, reads: Mapping[str, DesignEvaluation]) -> list[str]:
-    """A line for each figure that is a range or a first contact: its value at the best design, error, and reason."""
+    """A line for each range and each first contact: its value at the best design, the error, and what ends it."""
     notes = []
     finer = "best_finer" if verification.finer else "best"
     for figure in {figure.words: figure for figure in optimiser.plan.figures if figure.kind in TO_THE_END}.values():
         ends = [figure.components(reads[name].values).real.min() for name in ("best", finer)]
-        error = "" if finer == "best" else f" ± {EXTRAPOLATED * abs(ends[1] - ends[0]):.2g} (by the finer mesh)"
+        error = "" if finer == "best" else f" ± {EXTRAPOLATED * abs(ends[1] - ends[0]):.2g} (from the finer mesh)"
         notes.append(f"{figure.words}: {ends[0]:.4g}{error} {figure.unit}, {end_of(figure, reads['best'].values)}")
         if figure.parameters["along"] in optimiser.designs.no_contact:
             notes.append(
@@ -197,7 +197,7 @@ def circuit_notes(responses: DesignResponses, along: Mapping[str, str]) -> list[
     responses : DesignResponses
         Readings of a design.
     along : Mapping[str, str]
-        Parameter that changes along each line, by the line's name.
+        Parameter that changes along each line, by the name of the line.
     """
     if responses.circuit is None:
         return []
@@ -296,7 +296,7 @@ def _warnings(
     if "best_finer" in reads and (broken := _broken(optimiser, reads["best_finer"])):
         warnings.append(f"on the finer mesh the best design violates {broken}")
     if math.isnan(conditions.error):
-        warnings.append(f"a local optimum is not certain: its slope is known from one mesh only{_gained(fine_descent)}")
+        warnings.append(f"a local optimum is not certain: its slope is known on one mesh only{_gained(fine_descent)}")
     elif not conditions.is_local:
         warnings.append(
             f"a local optimum is not certain: a slope of the objective of "
@@ -308,7 +308,7 @@ def _warnings(
     elif probability < 0.95:
         warnings.append(f"the best design is better than the first one with a probability of {probability:.0%} only")
     if any(limit.figure.kind == SATURATION and worst_of(limit, reads["before"]) > 1 for limit in optimiser.plan.limits):
-        warnings.append("the first design saturates: its figures are those of a converter without a full scale")
+        warnings.append("the first design saturates: its figures are computed as if the converter had no full scale")
     failures = optimiser.designs.failures
     if failures:
         warnings.append(

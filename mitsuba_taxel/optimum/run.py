@@ -40,18 +40,20 @@ def optimise(
 ) -> Optimum:
     """Find the best design of a scene within bounds and constraints.
 
-    Every load step of every design is a job of a study in ``output``: the same call resumes an interrupted one.
+    Every load step of every design is a job of a study in ``output``. The same call resumes an interrupted
+    optimisation.
 
     Parameters
     ----------
     file : str or Path
         A study file of one scene with a table ``[optimise]``.
     output : str or Path
-        Folder for the results; new, empty, or that of the same scene, whose readings are reused.
+        Folder for the results: a new or empty folder, or a folder with results of the same scene, whose readings are
+        reused.
     workers : int, optional
-        Number of processes to use, in place of this one.
+        Number of processes to use instead of this process.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers to use; they need access to the same files.
+        Address of a Dask scheduler whose workers are used; they need access to the same files.
     retry_failed : bool
         Whether load steps that failed in an earlier call are computed again.
     progress : Callable[[OptimisationProgress], None], optional
@@ -74,7 +76,7 @@ def optimise(
     check_flags(retry_failed=retry_failed)
     check_progress(progress)
 
-    # The plan, with constraints that keep designs within what can be computed.
+    # The plan, with constraints that exclude designs that cannot be computed.
     plan = read_plan(file)
     initial = plan.initial_designs()
     plan = _unsaturated(_in_view(plan, initial))
@@ -93,7 +95,7 @@ def optimise(
         trade_offs = None if plan.front is None else front(optimiser, *plan.front)
         best = optimiser.best(plan.goal, plan.limits) or best
 
-        # The best design is evaluated again, without a moved mesh, then on a finer one.
+        # The best design is evaluated again without a moved mesh, then on a finer mesh.
         optimiser.evaluate([best.alone])
         verification = verified_on_finer_mesh(optimiser, best, pool, folder / "judged")
         result = make_optimum(optimiser, best, verification, trade_offs)
@@ -102,7 +104,8 @@ def optimise(
 
 
 def _in_view(plan: Plan, designs: list[Design]) -> Plan:
-    """The plan with a constraint that keeps roofs with a profile visible, as scenes require, unless it has one."""
+    """The plan with a constraint that keeps roofs with a profile visible, as scenes require, unless the plan has such a
+    constraint."""
     has_limit = any(limit.figure.kind == "view_angle" for limit in plan.limits)
     if has_limit or not any(pad.profile for design in designs for pad in pads_of(plan.scene(design))):
         return plan
@@ -112,8 +115,8 @@ def _in_view(plan: Plan, designs: list[Design]) -> Plan:
 def _unsaturated(plan: Plan) -> Plan:
     """The plan with constraints that keep the output below the circuit's limit.
 
-    They are added along each line that a figure of changes uses, unless the plan has such a constraint. Figures of a
-    saturated sensor would be those of a converter without a limit.
+    Constraints are added along each line that a figure of changes uses, unless the plan has such a constraint. Without
+    them, figures of a saturated sensor would be computed as if the converter had no limit.
     """
     if plan.circuit is None:
         return plan
@@ -134,12 +137,13 @@ def _unsaturated(plan: Plan) -> Plan:
 def readable_starts(optimiser: Optimiser, initial: list[Design]) -> list[Design]:
     """The initial designs that can be evaluated.
 
-    If none can, further designs are tried, as many as a descent may evaluate, and the first that can is returned.
+    If no initial design can be evaluated, further designs are tried, as many as a descent may evaluate. The first that
+    can be evaluated is returned.
 
     Raises
     ------
     ComputationError
-        if all of them fail.
+        if all designs fail.
     """
     plan = optimiser.plan
     readable = [design for design, read in zip(initial, optimiser.evaluate(initial), strict=True) if read is not None]
@@ -177,7 +181,7 @@ def _check_figures(optimiser: Optimiser, starts: list[Design]) -> None:
 
 def _no_design(optimiser: Optimiser) -> InputError:
     """The error for constraints that no design meets."""
-    # The multipliers of the design with the least violation show which constraints are in conflict.
+    # Multipliers at the design with the least violation show which constraints are in conflict.
     plan = optimiser.plan
     nearest, linearisation = optimiser.nearest(plan.goal, plan.limits)
     x = np.array(nearest.x)

@@ -1,4 +1,4 @@
-"""Goals and limits of a design with their gradients, Lagrange multipliers at it, and constraints in conflict."""
+"""Goals and limits of a design with their gradients, its Lagrange multipliers, and constraints in conflict."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ class Stationarity:
         Slope of the worst goal that limits and bounds do not balance, over the width of the bounds and relative to that
         goal; 0 at an optimum.
     error : float
-        Standard error of ``unbalanced``, from the scatter of the gradients that are averaged; NaN for one gradient.
+        Standard error of ``unbalanced``, from the scatter of the averaged gradients; NaN for one gradient.
     gradients : int
         Number of averaged gradients.
     limits : (M,) ndarray
-        Multipliers of the limits: decrease of the worst goal if a limit were lower by 1.
+        Multipliers of the limits: decrease of the worst goal if a limit were reduced by 1.
     bounds : (V,) ndarray
         Multipliers of the bounds, negative for lower ones.
     """
@@ -93,9 +93,9 @@ def stationarity(x: np.ndarray, linearisation: Linearisation, repeated: Sequence
     x : (V,) ndarray
         The point in the unit cube.
     linearisation : Linearisation
-        Goals and limits there, which determine what is active.
+        Goals and limits at the point, from which active constraints are determined.
     repeated : Sequence[Linearisation]
-        The same point on other meshes. Gradients are averaged over all of them.
+        Goals and limits at the same point on other meshes. Gradients are averaged over all meshes.
     """
     # Active goals, limits and bounds, with the gradients of each evaluation (n, active, V).
     evaluations = [linearisation, *repeated]
@@ -126,7 +126,8 @@ def stationarity(x: np.ndarray, linearisation: Linearisation, repeated: Sequence
 def _scatter(gradients: np.ndarray, normals: np.ndarray) -> float:
     """Standard error of the length of the mean of N gradients (N, V), with Student's factor for small N.
 
-    Scatter along ``normals`` (K, V), of active constraints and between goals, is left out: it changes multipliers only.
+    Scatter along ``normals`` (K, V), the normals of active constraints and differences of goals, is omitted: it changes
+    multipliers only.
     """
     from scipy.stats import t
 
@@ -154,7 +155,7 @@ def balanced(
     ends : (E, V) ndarray
         Outward normals of active bounds.
     bent : (V,) ndarray
-        Gradient of a quadratic term, added to that of each goal.
+        Gradient of a quadratic term, added to the gradient of each goal.
 
     Returns
     -------
@@ -195,7 +196,7 @@ def least_violation(
     step : (V,) ndarray
         The step.
     violation : float
-        The largest violation after it.
+        The largest violation after the step.
     weights : (M,) ndarray
         Weights of the limits that prevent a smaller violation.
     """

@@ -28,11 +28,11 @@ class FineDescent(NamedTuple):
     Attributes
     ----------
     gain : float
-        Gain of the objective, relative to that of the best design there.
+        Gain of the objective, relative to the objective of the best design on that mesh.
     designs : int
-        Number of evaluated designs, without the best one.
+        Number of evaluated designs, without the best design.
     ended : bool
-        Whether it ended because its steps gained nothing, not because it had used all evaluations.
+        Whether the descent ended because its steps gained nothing, not because all evaluations were used.
     """
 
     gain: float
@@ -51,9 +51,9 @@ class MeshVerification:
     first, winner : Design
         The first and the best design, with meshes that are not moved from other designs.
     reads : dict[str, DesignEvaluation]
-        Their evaluations, as ``before_finer`` and ``best_finer``; empty if one fails.
+        Evaluations of the two designs, as ``before_finer`` and ``best_finer``; empty if one fails.
     is_finer : bool
-        Whether the mesh is finer; the scene may have fixed its size.
+        Whether the mesh is finer; it is not if the scene fixes the mesh size.
     """
 
     optimiser: Optimiser
@@ -71,11 +71,11 @@ class MeshVerification:
 
     @property
     def finer(self) -> list[DesignEvaluation]:
-        """The best design on a finer mesh, if it could be read there."""
+        """The best design on a finer mesh; None if it could not be read on it."""
         return [self.reads["best_finer"]] if self.reads and self.is_finer else []
 
     def descend(self) -> FineDescent | None:
-        """A descent from the best design on the finer mesh; None if it has not been read there."""
+        """A descent from the best design on the finer mesh; None if that design has not been read on it."""
         if not self.finer:
             return None
         plan = self.optimiser.plan
@@ -84,7 +84,7 @@ class MeshVerification:
 
 
 def verified_on_finer_mesh(optimiser: Optimiser, best: Design, pool: Pool, folder: Path) -> MeshVerification:
-    """Evaluate the first and the best design of a course on a finer mesh.
+    """Evaluate the first and the best design of an optimisation on a finer mesh.
 
     Parameters
     ----------

@@ -38,7 +38,6 @@ def _version(package: str) -> str:
         return "not installed"
 
 
-
 @dataclass(frozen=True)
 class PadFile(Displayed):
     """A pad in a file: a closed surface of triangles (STL, PLY, OBJ) or a solid (STEP), standing on z = 0.

@@ -79,8 +79,8 @@ class Checked:
 class Kinded(Checked, metaclass=_KindArguments):
     """Base of frozen dataclasses of parameters, some of which choose a kind (see `kind`).
 
-    The parameters of the chosen kind are arguments and attributes like the fields. They are not fields themselves, as
-    kinds may be defined at any time.
+    The parameters of the chosen kind are arguments and attributes like the fields. They are not fields, as kinds may be
+    defined at any time.
 
     Parameters
     ----------
@@ -133,7 +133,8 @@ def _all_parameters(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> Mapping[st
 def _with_users(declared: Mapping[str, Parameter]) -> dict[str, Parameter]:
     """Parameters by attribute, with complete conditions.
 
-    A parameter whose condition names the choice of a family but no kinds applies to the kinds that use it.
+    If the condition of a parameter names the choice of a family but no kinds, the parameter applies to the kinds that
+    use it.
     """
     parameters = dict(declared)
     for chooser, choice in declared.items():
@@ -152,8 +153,8 @@ def _with_users(declared: Mapping[str, Parameter]) -> dict[str, Parameter]:
 def _kind_parameters(cls: Any) -> dict[str, Parameter]:
     """Parameters of all kinds that a class may choose, by attribute.
 
-    A parameter that several kinds have in common applies to all of them. If its range differs between kinds, no range
-    is checked here: each kind checks its own.
+    A parameter that several kinds have in common applies to all these kinds. If its range differs between kinds, no
+    range is checked here: each kind checks its range.
     """
     return _merged(cls, _chosen(cls))
 
@@ -193,7 +194,7 @@ def _merged(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> dict[str, Paramete
 
 
 def _shared(first: Parameter, second: Parameter) -> Parameter:
-    """The parameter of two kinds of a family: equal, or with ranges that each kind checks itself."""
+    """The common parameter of two kinds of a family: equal in both, or without a range, which each kind then checks."""
     when = (*first.when, *second.when[1:])
     if replace(second, when=first.when) == first:
         return replace(first, when=when)
@@ -224,7 +225,7 @@ def check(instance: Any) -> None:
     Raises
     ------
     InputError
-        if a value is missing, not allowed, or of no effect.
+        if a value is missing, is not allowed, or has no effect.
     """
     missing = []
     for name, parameter in parameters_of(type(instance)).items():
@@ -262,7 +263,7 @@ def values_of(instance: Any) -> dict[str, Any]:
     Returns
     -------
     dict[str, Any]
-        Values by name; parameters that are None are left out.
+        Values by name, without parameters that are None.
     """
     entries: dict[str, Any] = {}
     for name, parameter in parameters_of(type(instance)).items():

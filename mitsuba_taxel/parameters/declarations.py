@@ -1,4 +1,4 @@
-"""Declarations of parameters: a field of a dataclass for each type, by :func:`number` and the like."""
+"""Declarations of parameters as fields of a dataclass, by one function for each type, such as :func:`number`."""
 
 from __future__ import annotations
 
@@ -220,7 +220,7 @@ def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> An
 
 
 def parameter_field(parameter: Parameter, **changes: Any) -> Any:
-    """A field for a parameter, with changes.
+    """A field for a parameter with changed attributes.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parameters.similarity import similarity_scale
 
 LARGEST = 1e18
-"""Largest magnitude of a number, whose square is still finite in single precision."""
+"""Largest magnitude of a number; its square is finite in single precision."""
 REQUIRED: Any = ...
 """Default of parameters that must be given if they apply."""
 
@@ -36,16 +36,16 @@ class Parameter:
     unit : str
         Unit; empty if dimensionless.
     default : Any
-        :data:`REQUIRED` if a value must be given; None if the parameter may be absent, or follows from others.
+        Default; :data:`REQUIRED` if a value must be given, None if the parameter may be absent or follows from others.
     default_words : str
-        Description of the default, where its value is not clear by itself.
+        Description of the default, if its value needs one.
     when : tuple[str, ...]
         Name of another parameter, followed by its values for which this parameter applies; empty if it always applies.
     choosers : tuple[str, ...]
         Names of further parameters that may have one of these values instead.
     without, needs : str
-        Name of another parameter that this parameter excludes, or requires; empty for none. Several excluded ones are
-        joined by "or".
+        Name of another parameter that this parameter excludes (``without``) or requires (``needs``); empty for none.
+        Several excluded parameters are joined by "or".
     """
 
     doc: str
@@ -71,7 +71,7 @@ class Parameter:
 
     @property
     def range(self) -> str:
-        """Description of the allowed range, to follow "a number"; empty if unlimited."""
+        """Description of the allowed range, for use after "a number"; empty if unlimited."""
         return ""
 
     @property
@@ -131,7 +131,8 @@ class Parameter:
         return self.name
 
     def conflict(self, instance: Any) -> str:
-        """Message on why the parameter is not allowed with the other values of an object; empty if it is allowed."""
+        """Reason why the parameter is not allowed with the other values of an object, as a message; empty if it is
+        allowed."""
         if self.when and all(getattr(instance, name) not in self.when[1:] for name in (self.when[0], *self.choosers)):
             words, chosen = ", ".join(map(repr, self.when[1:])), getattr(instance, self.when[0])
             return f"{self.name} is not allowed for {self.when[0]} = {chosen!r}, only for {words}."
@@ -277,7 +278,7 @@ class Choice(Parameter):
     family : type[Kind], optional
         Family of kinds, if the words are names of kinds. The parameters of a kind apply if it is chosen.
     suffix : str
-        Suffix of names of files that are allowed, too; empty if no file is.
+        Suffix of the names of files that are also allowed; empty if files are not allowed.
     """
 
     allowed: Mapping[str, str]
@@ -309,7 +310,7 @@ class Vector(Parameter):
     Attributes
     ----------
     common : tuple[float, float] or None
-        Usual range, as of a `Number`.
+        Usual range, as for `Number`.
     is_direction : bool
         Whether at least one component must differ from 0.
     """
@@ -368,7 +369,7 @@ class Nested(Parameter):
     Attributes
     ----------
     kind : str
-        Kind of its plugin, such as ``bsdf``.
+        Kind of the plugin of the nested object, such as ``bsdf``.
     made_of : Any
         Class of the corresponding Python object, or None.
     by_name : bool
@@ -407,7 +408,7 @@ class Nested(Parameter):
 
 
 def named(parameter: Parameter, name: str) -> Parameter:
-    """A parameter with the name of its field, unless it has a name already."""
+    """The parameter, named as its field unless it already has a name."""
     return parameter if parameter.name else replace(parameter, name=name)
 
 
@@ -426,7 +427,7 @@ def describe_range(above: float, minimum: float, maximum: float) -> str:
 
 
 def _refused(parameter: Parameter, value: Any, shown: str = "") -> InputError:
-    """The error for a value of a parameter that is not allowed; ``shown`` is the value as text, if not its ``repr``."""
+    """The error for a parameter whose value is not allowed; ``shown`` is the value as text, by default its ``repr``."""
     if not shown:
         return refusal(parameter.name, value, parameter.needed)
     return InputError(f"{parameter.name} = {shown} is not allowed: {parameter.needed}.")

@@ -8,17 +8,17 @@ from mitsuba_taxel.base.errors import InputError
 
 
 def similarity_scale(matrix: np.ndarray) -> float:
-    """Uniform scale of a (4, 4) rigid motion with scale.
+    """Uniform scale of a rigid motion with scale.
 
     Parameters
     ----------
     matrix : (4, 4) ndarray
-        In homogeneous coordinates.
+        The transformation in homogeneous coordinates.
 
     Returns
     -------
     float
-        Above 0.
+        Scale, above 0.
 
     Raises
     ------

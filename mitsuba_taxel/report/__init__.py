@@ -1,1 +1,1 @@
-"""Plots of studies."""
+"""Web pages of studies, pictures of sensors, and display in notebooks."""

@@ -71,7 +71,8 @@ LIGHT_ERROR = 0.005
 """Default relative standard error of the light."""
 
 
-@in_turn  # the scene, too, has to be gone before another is traced: Dr.Jit finds its shapes while they are destroyed
+# The scene must be deleted, too, before another scene is traced: Dr.Jit finds its shapes while they are destroyed.
+@in_turn
 def measure(
     scene: AnyScene,
     *,

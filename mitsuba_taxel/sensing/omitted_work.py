@@ -161,7 +161,7 @@ def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
 
 
 def _surfaces(shape: mi.Shape) -> Iterator[tuple[str, mi.BSDF | None, np.ndarray | None]]:
-    """Name and wall of each region of a shape, and (N, 3) points whose hull contains it; None if unknown."""
+    """Name and wall of each region of a shape, and points (N, 3) whose hull contains it; None if unknown."""
     bsdf, parameters = shape.bsdf(), mi.traverse(shape)
     kind = shape.class_name().lower()
     if not (shape.is_mesh() and shape.has_attribute("face_region")):

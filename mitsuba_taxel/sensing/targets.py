@@ -131,7 +131,7 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
 def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> ShapeErrors | None:
     """Readings of diffuse cells and their errors, without random numbers.
 
-    Errors by the discretisation of the light count as errors of the geometry.
+    Errors due to the discretisation of the light count as errors of the geometry.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
     Returns
     -------
     int
-        Per taxel and replicate.
+        Number of points per taxel and replicate.
     """
     if clock is not None and clock.end < math.inf:
         return DEVIATION_POINTS
@@ -346,7 +346,7 @@ def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
     Returns
     -------
     float
-        In mm; infinite if there are no such pads.
+        Mesh size in mm; infinite if there are no such pads.
     """
     sizes = (
         (pad.loaded_mesh_size if loaded else pad.mesh_size) or pad.pad.default_mesh_size for pad in _refinable(ready)
@@ -375,7 +375,7 @@ def finer_mesh(
     Returns
     -------
     float or None
-        In mm; None if the error is within the target, the scene fixes the mesh, or the next one is too fine.
+        Mesh size in mm; None if the error is within the target, the scene fixes the mesh, or the next mesh is too fine.
     """
     size, error = meshes[-1]
     if not scene.leaves_mesh_open or error <= target:
@@ -430,7 +430,7 @@ def points_for(
     ready : Prepared
         The scene.
     target_error : float
-        Relative.
+        Relative target error.
     clock : Clock, optional
         Time budget. If its time does not suffice, the result is `MOST_POINTS`, and the clock ends the run.
     first : Run, optional

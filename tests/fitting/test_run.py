@@ -11,9 +11,7 @@ from one_cell import one_cell
 from mitsuba_taxel import sweep
 
 CELL = one_cell(scattering="isotropic", fz=0, youngs_modulus=4, mesh_size="$elements", elements=2.5)
-SOFT = one_cell(
-    scattering="isotropic", fz=-0.4, youngs_modulus=2, time=0, history="", g=0.2, tau=4.0
-).replace(
+SOFT = one_cell(scattering="isotropic", fz=-0.4, youngs_modulus=2, time=0, history="", g=0.2, tau=4.0).replace(
     '<vector name="force"',
     '<string name="prony" value="$g $tau"/> <float name="time" value="$time"/>'
     ' <string name="history" value="$history"/> <vector name="force"',

@@ -66,7 +66,7 @@ def test_the_misfit_of_wrong_errors():
     assert f"residuals are {np.sqrt(found.misfit):.2g} times as large as the errors" in warning
     assert warning.endswith("intervals are too narrow")
     (warning,) = misfit_warnings(residual, np.full_like(X, 0.01), np.full_like(X, 0.03), 10)
-    assert warning.endswith("the model's own error, which the intervals contain, is as large")
+    assert warning.endswith("the error of the model, which the intervals include, explains the residuals")
     assert not misfit_warnings(residual, np.full_like(X, 0.03), unknown_error, 10)
     without = solve(decay, data, None, DECAY)
     assert math.sqrt(without.misfit) == pytest.approx(0.03, rel=0.5) and not without.warnings
@@ -118,7 +118,7 @@ def test_alike_at_a_bound_and_without_effect():
     assert any(line.startswith("these data hardly distinguish a and b") for line in found.warnings)
     assert "these data do not determine c" in found.warnings and np.isinf(found.errors[2])
     low = solve(decay, decay(TRUTH)[0], None, [unknown("a", 1.0), unknown("b", 1.0, 0.8, 2.0)])
-    assert low.warnings == ["b = 0.8 is at the bound 0.8 of its range; its interval is as if there were no bound"]
+    assert low.warnings == ["b = 0.8 is at the bound 0.8 of its range; its interval ignores the bound"]
 
 
 def test_a_curve_beside_the_scatter_of_repeated_readings_is_warned_of():
@@ -136,6 +136,6 @@ def test_a_curve_beside_the_scatter_of_repeated_readings_is_warned_of():
     (warning,) = warnings(4)
     assert "times as large as the scatter of repeated readings" in warning and "the model is wrong" in warning
     (warning,) = warnings(4, np.full((27, 2), 2.0))
-    assert warning.endswith("the model's own error, which intervals hold, is as large")
+    assert warning.endswith("the error of the model, which the intervals include, explains the residuals")
     alone = {"fz": [f"{number}" for number in range(27)]}  # nothing is repeated
     assert not lack_of_fit_warnings(unknown_error * 0 + 1, alone, unknown_error, 50)

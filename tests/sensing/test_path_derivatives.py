@@ -213,7 +213,7 @@ def test_a_dimension_of_cells_with_a_finish_is_refused():
 def test_with_self_contact_nothing_that_a_pad_may_touch_moves():
     scene = pressed(MIRROR, self_contact=True)
     assert rates(scene, "cell_size").pad
-    with pytest.raises(InputError, match="^spacing has no derivative with self_contact, as it moves what the pad may"):
+    with pytest.raises(InputError, match="^spacing has no derivative with self_contact, as it moves an object that"):
         rates(scene, "spacing")
 
 

@@ -17,12 +17,12 @@ from mitsuba_taxel.base.processes.system import flush_folder, is_alive
 
 PREFIX = ".taxel-"
 MARGIN = 1 << 18
-"""Bytes that must be free on the disk after a file is written: buffers of libraries are smaller."""
+"""Bytes that must be free on the disk after a file is written; they exceed the buffers of libraries."""
 _FULL = [os.strerror(code) for code in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)]
 
 
 class WriteError(ComputationError):
-    """A file cannot be written, for the ``reason``."""
+    """A file cannot be written; ``reason`` states why."""
 
     def __init__(self, file: Path, reason: str) -> None:
         super().__init__(f"{file} cannot be written: {reason}.")
@@ -73,7 +73,7 @@ def replacing(file: Path) -> Iterator[Path]:
 
 
 def _refuse_full_disk(written: BinaryIO) -> None:
-    """Raise if a file cannot grow: compiled libraries do not report that the disk refuses their last buffer."""
+    """Raise if a file cannot grow: compiled libraries do not report if the disk refuses their last buffer."""
     size = written.seek(0, os.SEEK_END)
     try:
         written.write(bytes(MARGIN))
@@ -102,7 +102,7 @@ def write_text(file: Path, text: str) -> None:
 
 
 def reason_of(error: Exception) -> str | None:
-    """Reason for which a file cannot be written, from an error, which may be an exception of a compiled library.
+    """Reason why a file cannot be written, from an error, which may be an exception of a compiled library.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def reason_of(error: Exception) -> str | None:
 
 
 def remove_stale(folder: Path) -> None:
-    """Remove temporary files of processes of this machine that were killed.
+    """Remove temporary files of killed processes of this machine.
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ def from_json(text: str) -> Printed:
 
 
 def _block(block: Any) -> PrintedTable | str:
-    """A line or a table; raises TypeError for anything else, as the file may be of another program."""
+    """A line or a table; raises TypeError for anything else, as the file may be from another program."""
 
     def are_words(row: Any) -> bool:
         return isinstance(row, list) and all(isinstance(word, str) for word in row)
@@ -135,7 +135,7 @@ def read_printed(folder: Path) -> Printed | None:
     Returns
     -------
     Printed or None
-        Paragraphs and tables; None without the file, or if it is of another version.
+        Paragraphs and tables; None without the file, or if another version wrote it.
     """
     try:
         return from_json((folder / FILE).read_text(encoding="utf-8"))

@@ -30,14 +30,15 @@ UNITS: dict[str, tuple[str, str]] = {
     "A": ("A", "1"), "mA": ("A", "1e-3"), "uA": ("A", "1e-6"), "nA": ("A", "1e-9"),
     "counts": ("counts", "1"), "count": ("counts", "1"), "lsb": ("counts", "1"), "adc": ("counts", "1"),
 }  # fmt: skip
-"""Unit of this package and conversion factor by the unit of a heading; grams and kilograms are forces of weights."""
+"""For each unit of a heading, the unit of this package and the conversion factor; grams and kilograms are weights, so
+forces."""
 _CASELESS = {unit.lower(): unit for unit in reversed(UNITS)}
 WORDS = {"millis": ("time", "ms"), "micros": ("time", "us"), "milliseconds": ("time", "ms"), "seconds": ("time", "s")}
 """Name and unit of headings that imply a unit, such as those of the clock of an Arduino."""
 BY_UNDERSCORE = {*UNITS} - {"m", "g", "A", "bar", "rad", "min", "counts", "count", "lsb", "adc", "kg"}
 """Units that may follow any name after an underscore."""
 LEAST_GRAMS = 50
-"""Least value of the largest force, in N, at which forces that are whole numbers may be weights in g."""
+"""Largest force, in N, from which forces in whole numbers may be weights in g."""
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars"}
 _BRACKETED = re.compile(r"(?P<name>.*?)[ _]*(?:\[(?P<a>[^\]]*)\]|\((?P<b>[^)]*)\))")
 _APPENDED = re.compile(r"(?P<name>.+?)(?:[ _]|\s*/\s*)(?P<unit>[^\s_/]+)")
@@ -88,7 +89,7 @@ class Table:
     separator: str
 
     def numbers(self, column: Column) -> np.ndarray:
-        """Numbers (rows,) of a column in its unit; raises `InputError` with line and heading."""
+        """Numbers (rows,) of a column in its unit; raises `InputError`, with line and heading, for other entries."""
         values = np.empty(len(column.words))
         for row, word in enumerate(column.words):
             where = f"{self.what}, line {self.lines[row]}, column {column.heading}: {word!r}"
@@ -131,7 +132,7 @@ def read_table(what: str, file: Path, known: Collection[str] = ()) -> Table:
     text = [line.split("#")[0].rstrip() for line in read_text(what, file).splitlines()]
     lines = [(number, line) for number, line in enumerate(text, start=1) if line.strip()]
     if lines and re.fullmatch(r"sep=.", lines[0][1].strip()):
-        lines = lines[1:]  # a line that tells spreadsheets the separator
+        lines = lines[1:]  # a line from which spreadsheets read the separator
     separator, rows = separated(what, [line for _, line in lines])
     separator_name = SEPARATORS.get(separator, "blanks")
 
@@ -202,7 +203,7 @@ def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
     column : Column
         Column with its heading and unit.
     numbers : (rows,) ndarray
-        Values of the column, N.
+        Values of the column, in N.
     """
     levels = np.unique(np.abs(numbers[numbers != 0]))
     if column.unit in ("N", "") and len(levels) > 2 and levels[-1] >= LEAST_GRAMS and not (levels % 1).any():
@@ -253,7 +254,8 @@ def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:
         if alike > best[0]:
             best = alike, separator, rows
 
-    # Blanks separate columns if no other separator suits most lines; headings of several words need two blanks.
+    # Blanks separate columns if no other separator suits most lines; with headings of several words, two blanks are
+    # needed.
     if best[0] <= len(lines) / 2:
         for blank in (r"\s+", r"\s{2,}"):
             blanks = [re.split(blank, line.strip()) for line in lines]

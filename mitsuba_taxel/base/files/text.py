@@ -13,7 +13,7 @@ from mitsuba_taxel.base.errors import InputError
 LARGEST_TEXT = 1 << 28
 """Largest size of a text file, in bytes."""
 _LATIN = frozenset("µ°".encode("latin-1"))
-"""Symbols of units in the encoding of spreadsheets on Windows."""
+"""Symbols of units in Latin-1, the encoding of spreadsheets on Windows."""
 
 
 def check_regular(file: Path, largest: int) -> None:
@@ -29,7 +29,7 @@ def check_regular(file: Path, largest: int) -> None:
     Raises
     ------
     OSError
-        with the reason.
+        with the reason, if the file is not regular or too large.
     """
     status = file.stat()
     if stat.S_ISDIR(status.st_mode):
@@ -59,7 +59,7 @@ def read_bytes(file: Path, largest: int = LARGEST_TEXT) -> bytes:
     Raises
     ------
     OSError
-        if it is a folder, a pipe or a device, or too large.
+        if the file is a folder, a pipe or a device, or is too large.
     """
     check_regular(file, largest)
     return file.read_bytes()

@@ -1,4 +1,4 @@
-"""Reading of TOML files of users."""
+"""Reading of users' TOML files."""
 
 from __future__ import annotations
 

@@ -21,8 +21,7 @@ def activity(words: str) -> Iterator[None]:
 
     Yields
     ------
-    None
-        During the activity.
+    None Nothing, during the activity.
     """
     _current.append(words)
     _announce()
@@ -44,8 +43,7 @@ def announced_to(listener: Callable[[str], None]) -> Iterator[None]:
 
     Yields
     ------
-    None
-        While activities are announced.
+    None Nothing, while activities are announced.
     """
     _listeners.append(listener)
     try:

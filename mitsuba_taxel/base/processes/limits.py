@@ -3,4 +3,4 @@
 from __future__ import annotations
 
 MOST_HISTORY = 4000
-"""Most rows of a load history: each step of a path in time contains all earlier rows."""
+"""Largest number of rows of a load history: each step of a path in time contains all earlier rows."""

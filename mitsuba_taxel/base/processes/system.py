@@ -1,6 +1,6 @@
-"""What not every operating system has, and what is done without it: all such calls are here.
+"""All calls that some operating systems lack, with a replacement for these systems.
 
-Names of the standard library that exist on Unix only, or mean something else on Windows, are used nowhere else, except
+Names of the standard library that exist on Unix only, or have another meaning on Windows, are used nowhere else, except
 the free memory that Linux reports (:mod:`mitsuba_taxel.mechanics.elements.memory`). The file imports nothing but the
 standard library, so that a worker can run it without this package.
 """
@@ -26,9 +26,9 @@ else:
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 """Signals that end a program, besides the interrupt: Windows has no SIGHUP, other systems have no SIGBREAK."""
 FROM_TERMINAL = (signal.SIGINT, *ENDING[1:])
-"""Signals that a terminal sends to all of its processes."""
+"""Signals that a terminal sends to all its processes."""
 _FOLLOWED = 1.0
-"""Seconds between two looks at a parent process, where the system does not end a process with its parent."""
+"""Seconds between two checks of a parent process, on systems that do not end a process with its parent."""
 
 
 @contextmanager
@@ -37,8 +37,7 @@ def deferred_signals() -> Iterator[None]:
 
     Yields
     ------
-    None
-        While signals are deferred.
+    None Nothing, while signals are deferred.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -58,7 +57,7 @@ def memory_limit(most: int, kind: str = "AS") -> int:
     most : int
         Limit in bytes.
     kind : str
-        What is limited: the address space ("AS") or the data ("DATA").
+        Limited memory: the address space ("AS") or the data ("DATA").
 
     Returns
     -------
@@ -74,14 +73,15 @@ def memory_limit(most: int, kind: str = "AS") -> int:
 def confine(memory: int, kind: str = "AS") -> None:
     """Limit the memory of this process, let it write no memory dump, and let it end with its parent.
 
-    Windows has no such limit, and macOS may refuse it: there a process that takes too much is not stopped.
+    Windows has no such limit, and macOS may refuse it: on these systems, a process that takes too much memory is not
+    stopped.
 
     Parameters
     ----------
     memory : int
         Limit in bytes.
     kind : str
-        What is limited: the address space ("AS") or the data ("DATA").
+        Limited memory: the address space ("AS") or the data ("DATA").
     """
     if sys.platform != "win32":
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -94,12 +94,13 @@ def confine(memory: int, kind: str = "AS") -> None:
 
 
 def stop_after(seconds: int) -> None:
-    """End this process after a time, even within a compiled library; on Windows only once Python is run again.
+    """End this process after a time, even within a compiled library; on Windows, only after the library returns to
+    Python.
 
     Parameters
     ----------
     seconds : int
-        Wall time.
+        Wall time in s.
     """
     if hasattr(signal, "alarm"):
         signal.alarm(seconds)
@@ -110,7 +111,7 @@ def stop_after(seconds: int) -> None:
 
 
 def _follow(parent: int) -> None:
-    """End this process when its parent has ended."""
+    """Wait until the parent has ended, then end this process."""
     while os.getppid() == parent and is_alive(parent):  # the id of a parent that has ended changes on Unix only
         time.sleep(_FOLLOWED)
     os._exit(1)
@@ -122,15 +123,15 @@ def is_alive(process: int) -> bool:
     Parameters
     ----------
     process : int
-        Its number.
+        Number of the process.
 
     Returns
     -------
     bool
-        Also True if that is not known.
+        Whether it exists; also True if that is not known.
     """
     try:
-        if sys.platform == "win32":  # os.kill(process, 0) would interrupt it
+        if sys.platform == "win32":  # os.kill(process, 0) would interrupt the process
             handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, process)
             try:
                 return _winapi.WaitForSingleObject(handle, 0) == _winapi.WAIT_TIMEOUT
@@ -140,7 +141,7 @@ def is_alive(process: int) -> bool:
         return True
     except ProcessLookupError:
         return False
-    except OSError as error:  # it is another user's, or on Windows there is none
+    except OSError as error:  # the process is another user's, or on Windows does not exist
         return getattr(error, "winerror", None) != 87  # ERROR_INVALID_PARAMETER
 
 
@@ -150,7 +151,7 @@ def peak_memory(of_children: bool = False) -> float:
     Parameters
     ----------
     of_children : bool
-        Whether ended child processes are regarded too, the largest of which counts.
+        Whether ended child processes are included; the largest peak of all processes is returned.
 
     Returns
     -------
@@ -163,7 +164,7 @@ def peak_memory(of_children: bool = False) -> float:
     children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / unit if of_children else 0.0
     if sys.platform != "linux":
         return max(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, children)
-    # Elsewhere Linux counts what the parent had when it started this process.
+    # Other counters of Linux include the memory of the parent when it started this process.
     status = Path("/proc/self/status").read_text(encoding="utf-8")
     return max(int(status.split("VmHWM:")[1].split()[0]) / 1024, children)
 
@@ -179,7 +180,7 @@ def processor_seconds(children_only: bool = False) -> float:
     Returns
     -------
     float
-        In s; nan on Windows, which does not count children.
+        Processor time in s; NaN on Windows, which does not count children.
     """
     if sys.platform == "win32":
         return math.nan
@@ -189,7 +190,7 @@ def processor_seconds(children_only: bool = False) -> float:
 
 
 def flush_folder(folder: Path) -> None:
-    """Write the entries of a folder to the disk, so that a renaming survives a power cut; Windows has no such call.
+    """Write the entries of a folder to the disk, so that a renaming survives a power failure; Windows has no such call.
 
     Parameters
     ----------

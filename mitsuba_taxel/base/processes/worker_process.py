@@ -13,9 +13,9 @@ class NoAnswer(Exception):
     Attributes
     ----------
     end : str
-        "time" or "memory" if the process exceeded its limit, the name of a signal, or "error".
+        "time" or "memory" if the process exceeded a limit; else the name of the signal that ended it, or "error".
     last : str
-        The last line of its standard error.
+        Last line of the standard error of the process.
     """
 
     def __init__(self, end: str, output: str = "") -> None:
@@ -37,7 +37,7 @@ def answer_of(
     seconds : float
         Time after which the process is stopped.
     environment : Mapping[str, str], optional
-        Environment of the process; by default that of this process.
+        Environment of the process; by default the environment of this process.
 
     Returns
     -------

@@ -348,9 +348,7 @@ class Techniques:
         subpath = self.sensor.density_of_view(-onward) * dr.abs(dr.dot(vertex.n, wo)) / distance_squared
         subpath *= vertex.inverse * vertex.ends_views
         value *= vertex.throughput * self.mirrors.reflected * solid_angle * self.sensor.response(cosine)
-        return dr.select(
-            active, value * self._weight((self.unidirectional, hit), (self.follows_mirrors, subpath)), 0
-        )
+        return dr.select(active, value * self._weight((self.unidirectional, hit), (self.follows_mirrors, subpath)), 0)
 
     def mirrored(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 from mitsuba_taxel.pads.parametric.pad import Pad
 
 WIDTH, GAP, TOP, TEXT = 300.0, 70.0, 12.0, 11
-"""Width of a view, margins beside and above it, and height of text, in pixels."""
+"""Width of a view, margins at its sides and above it, and height of text, in pixels."""
 MOST_NUMBERS = 100
 """Largest number of cells that are numbered."""
 SILICONE = 'fill="#6f8ba6" fill-opacity="0.35" stroke="currentColor" stroke-width="1.2" fill-rule="evenodd"'
@@ -71,13 +71,13 @@ class _PlaneView:
     Parameters
     ----------
     corner : Point
-        Lowest coordinates of the view, mm.
+        Lowest coordinates of the view, in mm.
     height : float
-        Height of the view, mm.
+        Height of the view, in mm.
     scale : float
         Pixels per mm.
     top : float
-        Distance from the upper edge of the drawing, pixels.
+        Distance from the upper edge of the drawing, in pixels.
     """
 
     def __init__(self, corner: Point, height: float, scale: float, top: float) -> None:
@@ -114,7 +114,7 @@ class _PlaneView:
 
 
 def _section_path(pad: Pad, centres: Iterable[float], view: _PlaneView) -> str:
-    """The outline of a section, along the bottom into each cell, and back over the top."""
+    """Outline of a section: along the bottom and into each cell, then back along the top."""
     half, radius, sphere = 0.5 * pad.extent[0], 0.5 * pad.cell_size, pad.shape.roof_radius
     path = f"M{_pair(view.at(-half, 0))}"
     for x in centres:

@@ -1,4 +1,4 @@
-"""HTML views of the package's objects: drawings, tables and plots, in the notebook's own colours."""
+"""HTML views of the package's objects: drawings, tables and plots, in the colours of the notebook."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 MOST_LINES = 10
 """Largest number of shown failures of a study, and of rows at either end of a table."""
 MOST_DRAWN = 5000
-"""Largest number of readings for which an SVG plot is small enough."""
+"""Largest number of readings that are plotted as SVG; files of larger plots would be too large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ def show(study: xr.Dataset | xr.DataTree) -> StudyView:
     Raises
     ------
     InputError
-        if it is anything else.
+        if the object is anything else.
     """
     leaves = getattr(study, "leaves", [study])
     if not all("curve" in getattr(leaf, "attrs", {}) and "replicate_power" in leaf for leaf in leaves):
@@ -95,14 +95,14 @@ def _pad_html(pad: Pad) -> str:
 
 
 def _pad_file_html(pad: PadFile) -> str:
-    """A pad in a file, with its sections if it is a surface of triangles."""
+    """A pad from a file, with its sections if the file is a surface of triangles."""
     from mitsuba_taxel.geometry.geometry_error import GeometryError
     from mitsuba_taxel.pads.imported.surfaces import read_surface
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
     from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
 
     rules = f"{len(pad.regions)} rules name its regions." if pad.regions else "Its regions follow from its shape."
-    drawing = _line("A solid: it has a surface once it is meshed.")
+    drawing = _line("A solid, whose surface is known only after meshing.")
     if pad.suffix in SURFACE_FORMATS:
         try:
             drawing = draw_surface(*read_surface(pad.content(), pad.suffix, pad.placement))
@@ -124,7 +124,7 @@ def _viscoelastic_html(silicone: Viscoelastic) -> str:
 
 
 def _material_html(material: Material | Viscoelastic) -> str:
-    """A law, its constants and the moduli that follow from them."""
+    """A law, its constants, and the moduli computed from them."""
     from mitsuba_taxel.mechanics import Viscoelastic
     from mitsuba_taxel.parameters import parameters_of
 
@@ -192,7 +192,7 @@ def _sensor_html(sensor: PadSensor) -> str:
 
 
 def _scene_html(scene: Scene) -> str:
-    """A scene's parameters or, if made in Python, its parts."""
+    """The parameters of a scene; its parts if it was made in Python."""
     if isinstance(scene.source, dict):
         items = scene.source.items()
         entries = [(name, entry["type"]) for name, entry in items if isinstance(entry, Mapping) and "type" in entry]
@@ -234,7 +234,8 @@ def _numbers(table: pandas.DataFrame) -> str:
 
 
 def _plot(study: xr.Dataset, quantity: str) -> str:
-    """The curves of a study, on white, as a separate image: glyph names of inline SVG would clash with others."""
+    """The curves of a study on white, as a separate image: glyph names of inline SVG would clash with those of other
+    plots."""
     from mitsuba_taxel.plots.curves import plot_curves
 
     picture, form = BytesIO(), "svg" if study.power.size <= MOST_DRAWN else "png"
@@ -267,7 +268,7 @@ def _line(text: str) -> str:
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table, shortened to its beginning and end if long; its first column is aligned left."""
+    """A table; if it is long, only its beginning and end. The first column is aligned left."""
     chosen = list(rows)
     if len(chosen) > 2 * MOST_LINES + 1:
         chosen = [*chosen[:MOST_LINES], ["..."] * len(headings), *chosen[-MOST_LINES:]]
@@ -299,4 +300,4 @@ _VIEWS: dict[str, Callable[..., str]] = {
     "Scene": _scene_html,
     "Readings": _readings_html,
 }
-"""View of each class, by its name, so that classes are imported only when shown."""
+"""View of each class, by the name of the class, so that classes are imported only when shown."""

@@ -11,7 +11,7 @@ from mitsuba_taxel.geometry.surfaces.triangles import area_normals
 MOST_VERTICES = 6000
 """Largest number of vertices of a drawn surface.
 
-Any browser draws it in a few hundredths of a second, and a page with 21 load steps has some 3 MB."""
+Any browser draws such a surface in a few hundredths of a second, and a page with 21 load steps has about 3 MB."""
 _FINEST, _STEP = 1 / 150, 1.15
 
 
@@ -26,10 +26,10 @@ class CoarseSurface(NamedTuple):
 def coarsened(
     vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray, most_vertices: int = MOST_VERTICES
 ) -> CoarseSurface:
-    """A surface simplified to at most ``most_vertices`` of its own vertices.
+    """A surface simplified to at most ``most_vertices`` of its vertices.
 
     Vertices in the same cube of a grid are merged if they belong to the same regions, so that vertices on a rim are not
-    merged with vertices beside it. Applied to a deformed surface of the same triangles, ``kept`` selects the same
+    merged with vertices beside the rim. For a deformed surface with the same triangles, ``kept`` selects the same
     material points.
 
     Source: J. Rossignac and P. Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.
@@ -57,7 +57,7 @@ def coarsened(
     merged = group[triangles]
     proper = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
     kept, merged = _nearest_to_centres(vertices, group), merged[proper]
-    # A thin triangle may be inverted, and would show its wrong side.
+    # A thin triangle may be inverted, and would then show its back.
     before, now = _normals_about(vertices, triangles, regions)[proper], area_normals(vertices[kept], merged)
     folded = np.einsum("ij,ij->i", before, now) < 0
     return CoarseSurface(kept, np.where(folded[:, None], merged[:, ::-1], merged), regions[proper])
@@ -66,7 +66,7 @@ def coarsened(
 def _normals_about(vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray) -> np.ndarray:
     """Sums (M, 3) of the area normals around the corners of each triangle, within its region.
 
-    The normal of a triangle itself may be too small.
+    The normal of a single triangle may be too small.
     """
     _, corner = np.unique(triangles.astype(np.int64) * 32 + regions[:, None], return_inverse=True)
     corner, normals = corner.reshape(triangles.shape), area_normals(vertices, triangles)

@@ -16,9 +16,10 @@ from mitsuba_taxel.sensing import sample_paths
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 
 SAMPLED, DRAWN = 200, 12
-"""Numbers of sampled and of drawn light paths: the shortest that reach the phototransistor, and the shortest others."""
+"""Numbers of sampled and of drawn light paths; the shortest paths that reach the phototransistor and the shortest other
+paths are drawn."""
 LIFT = 0.01
-"""Height in mm at which faces are drawn above their package."""
+"""Height in mm by which faces are drawn above their package."""
 
 
 class LitScene:
@@ -31,7 +32,7 @@ class LitScene:
         self.y = float(centres[self.taxel - 1, 1])
 
     def paths(self, packing: ArrayEncoding) -> dict[str, list[str]]:
-        """Packed light paths: those that reach the phototransistor, then others."""
+        """Packed light paths: first those that reach the phototransistor, then others."""
         paths = sample_paths(self._live, self.taxel, count=SAMPLED)
         kinds: dict[str, list[np.ndarray]] = {"reached": [], "others": []}
         for vertices, reached in zip(paths.vertices, paths.reached, strict=True):
@@ -39,7 +40,8 @@ class LitScene:
         return {kind: [packing.lengths(path) for path in sorted(some, key=len)[:DRAWN]] for kind, some in kinds.items()}
 
     def fixed(self, packing: ArrayEncoding) -> list[dict[str, Any]]:
-        """Packed solids other than pads, each with its kind and its largest y; boards are cut off near the pad."""
+        """Packed solids other than pads, each with its kind and its largest y coordinate; boards are cut off near the
+        pad."""
         margin = 0.04 * np.ptp(self._box, axis=0).max()
         solids = []
         for kind, vertices, triangles in self._parts():
@@ -54,7 +56,7 @@ class LitScene:
         return list(filter(None, surfaces))
 
     def _parts(self) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-        """Kind, vertices and triangles of each connected surface."""
+        """Kind, vertices and triangles of each connected surface of the scene."""
         for shape in self._live.shapes():
             mesh = None if is_pad(shape) else shape_mesh(shape)
             kind = "board" if shape.class_name() == "Rectangle" else "other"

@@ -45,13 +45,13 @@ def folded(title: str, *blocks: str) -> str:
 
 
 class PlotFunction(Protocol):
-    """Draws a figure, a narrow one for a phone."""
+    """Function that draws a figure; on request, a narrow figure for a phone."""
 
     def __call__(self, *, narrow: bool = False) -> Figure: ...
 
 
 def plot(draw: PlotFunction, words: str, caption: str) -> str:
-    """A plot as an SVG picture, with a narrow version for narrow screens; ``words`` are the alternative text."""
+    """A plot as an SVG picture, with a narrow version for phones; ``words`` are the alternative text."""
     wide, narrow = (_svg(draw(narrow=narrow)) for narrow in (False, True))
     return (
         f'<figure><picture><source media="(max-width: 40rem)" srcset="{narrow}">'

@@ -19,14 +19,14 @@ PLACES = 101
 def plot_model(model: Polynomial, narrow: bool = False) -> Figure:
     """Plot readings of the taxels against each input of a model, with the other inputs in the middle of their ranges.
 
-    If there are many taxels, only those whose readings change most are shown.
+    If there are many taxels, only the taxels whose readings change most are shown.
 
     Parameters
     ----------
     model : Polynomial
         The exported model.
     narrow : bool
-        Whether the picture is for a phone.
+        Whether the plot is narrow, for a phone.
     """
     low, high = model.low, model.high
     middle = (low + high) / 2

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     import pandas
 
 MOST_ROWS, MOST_COLUMNS = 50, 12
-"""Largest numbers of rows and columns of a table on the page; the file has all of them."""
+"""Largest numbers of rows and columns of a table on the page; the file contains all rows and columns."""
 
 
-MODEL = "Readings against each input, with the others in the middle of their ranges."
+MODEL = "Readings against each input, with the other inputs in the middle of their ranges."
 
 
 class CommandOutput(NamedTuple):
@@ -38,13 +38,13 @@ class CommandOutput(NamedTuple):
     Attributes
     ----------
     file : str
-        File that identifies the command.
+        Name of the file that identifies the command.
     title : str
         Title of the section.
     verdict : str
-        File with lines of text.
+        Name of the file with the verdict in lines of text.
     plots, tables : dict[str, str]
-        Captions by the name of a file without its suffix.
+        Captions, by file name without suffix.
     """
 
     file: str
@@ -118,7 +118,7 @@ AS_PRINTED: dict[str, tuple[str, _Rows]] = {
 
 
 def outcome_sections(folder: Path) -> list[str]:
-    """Sections for the output of these commands in a folder; empty if it holds none."""
+    """Sections for the output of these commands in a folder; empty if the folder contains no such output."""
     made = [_section(kind, folder) for kind in OUTCOMES if (folder / kind.file).is_file()]
     models = sorted(folder.glob("*.onnx"))
     if models and find_spec("onnx") is None:
@@ -160,7 +160,7 @@ def _section(kind: CommandOutput, folder: Path) -> str:
     for number, (name, caption) in enumerate(kind.tables.items()):
         if (file := folder / f"{name}.csv").is_file():
             made = _table(file, caption)
-            is_open = number < 2 and printed is None and kind.file != "train.csv"  # its rows are many and alike
+            is_open = number < 2 and printed is None and kind.file != "train.csv"  # the table has many similar rows
             blocks.append(made if is_open else folded(caption, made))
     return section(kind.title.lower(), kind.title, *blocks)
 
@@ -172,7 +172,7 @@ def _count(file: Path) -> int:
 
 
 def _lines(file: Path) -> list[str]:
-    """The lines of a verdict: all lines of a text, or those of the first list of a Markdown page."""
+    """The lines of a verdict: all lines of a text file, or the items of the first list of a Markdown page."""
     if not file.is_file():
         return []
     lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -187,7 +187,7 @@ def _table(file: Path, caption: str) -> str:
     content = pandas.read_csv(file)
     if file.name in AS_PRINTED:
         words, made = AS_PRINTED[file.name]
-        with suppress(AttributeError, KeyError):  # columns of another version: as they are
+        with suppress(AttributeError, KeyError):  # columns of another version are shown as they are
             return table(f"{words} (all columns in {file.name})", *made(content))
     rows = [
         ["" if value != value else f"{value:.4g}" if isinstance(value, float) else str(value) for value in row]
@@ -197,7 +197,7 @@ def _table(file: Path, caption: str) -> str:
     more += [f"{content.shape[1] - MOST_COLUMNS} more columns"] if content.shape[1] > MOST_COLUMNS else []
     caption += f" ({' and '.join(more)} in {file.name})" if more else ""
     headings = [str(name) for name in content.columns[:MOST_COLUMNS]]
-    if file.name == "correlation.csv":  # of parameters with each other: the first column has no name
+    if file.name == "correlation.csv":  # a correlation of parameters with each other: the first column has no name
         headings[0] = ""
     else:
         headings = [heading.replace("_", " ") for heading in headings]

@@ -16,7 +16,7 @@ from mitsuba_taxel.report.page.solids import ArrayEncoding, ShownSurface, Topolo
 from mitsuba_taxel.studies.plan.batch import Batch
 
 MOST_PANELS = 6
-"""Largest number of load steps of a page: more would take minutes to write, and be slow to open."""
+"""Largest number of load steps of a page: with more, writing would take minutes, and the page would open slowly."""
 MOST_STEPS = 21
 
 
@@ -43,7 +43,7 @@ def viewer_panels(
     """
     curve = study.attrs["curve"]
     fixed = [str(dim) for dim in study.mesh.dims if dim != curve]
-    # A panel of a table of steps is titled with the number of its row; its scene has the values of that row.
+    # The title of a panel of a table of steps is the number of its row; its scene has the values of that row.
     row_names = [str(name) for name, values in study.mesh.coords.items() if values.dims and {*values.dims} <= {*fixed}]
     row_names = [name for name in row_names if name != "step"]
     stacked = study.mesh.stack(panel=fixed) if fixed else study.mesh.expand_dims("panel")
@@ -96,7 +96,7 @@ def _panel(
     rest = int(np.argmin([_size(step, along) for step in steps]))
     box = np.array([surfaces[rest].vertices.min(axis=0), surfaces[rest].vertices.max(axis=0)])
     most_pressure = max(float(surface.pressure.max()) for surface in surfaces)
-    above = float(np.ptp(box, axis=0).max()) if most_pressure else 0.0  # what is shown of an indenter
+    above = float(np.ptp(box, axis=0).max()) if most_pressure else 0.0  # shown part of an indenter
     furthest = max(float(np.abs(surface.vertices).max()) for surface in surfaces)
     packing = ArrayEncoding(1.1 * furthest + above)  # boards extend further
     panel: dict[str, Any] = {
@@ -151,7 +151,7 @@ def _light(
         {"vertices": packing.lengths(vertices), "triangles": packing.indices(triangles)}
         for vertices, triangles in bodies
     ]
-    # The picture has room for the bodies of all steps.
+    # The picture contains the indenters of all steps.
     ends = np.array([panel["frame"], *([vertices.min(axis=0), vertices.max(axis=0)] for vertices, _ in bodies)])
     panel["frame"] = [ends[:, 0].min(axis=0).round(4).tolist(), ends[:, 1].max(axis=0).round(4).tolist()]
     if not panel["fixed"]:
@@ -159,7 +159,7 @@ def _light(
         panel["cut"] = round(100 * float((lit.y - box[0, 1]) / np.ptp(box[:, 1])))
         panel["taxel"] = lit.taxel
     if panel["steps"][number]["indenters"]:
-        panel["cut"] = 0  # a body and the pad that it presses are seen whole
+        panel["cut"] = 0  # the picture contains a whole indenter and the whole pad that it presses
 
 
 def _words(step: xr.DataArray, along: list[str]) -> str:
@@ -176,7 +176,7 @@ def _word(value: str | float) -> str:
 
 
 def _size(step: xr.DataArray, along: list[str]) -> float:
-    """Magnitude of a load, by which the least load of a curve is determined."""
+    """Magnitude of a load, to find the least load of a curve."""
     return sum(abs(step[name].item()) for name in along if not isinstance(step[name].item(), str))
 
 

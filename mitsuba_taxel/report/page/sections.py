@@ -1,4 +1,4 @@
-"""Sections of the page with text, tables and plots; ``key`` distinguishes those of several scenes."""
+"""Sections of the page with text, tables and plots; ``key`` distinguishes the sections of several scenes."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def merit(study: xr.Dataset, key: str) -> str:
     caption = "Change since rest, and slope; on the right in percent of the reading at rest. Bars: light."
     blocks.append(plot(partial(plot_sensitivity, simulated.experiments), words, caption))
     if parameters_of(simulated.experiments):
-        words = "Mean slope against each parameter that is varied; the tables have the numbers."
+        words = "Mean slope against each varied parameter; the tables have the numbers."
         caption = "Mean slope against the parameter; on the right in percent of the reading at rest. Bars: light."
         blocks.append(plot(partial(plot_against, simulated.experiments), words, caption))
     if len(figures[figures.figure.isin(DEVIATIONS)]):

@@ -12,7 +12,7 @@ import numpy as np
 from mitsuba_taxel.report.page.coarsening import CoarseSurface, coarsened
 
 SPAN = 32000
-"""Integer by which the largest length is encoded."""
+"""Integer that encodes the largest length."""
 
 
 class ShownSurface(NamedTuple):
@@ -57,7 +57,8 @@ class Topologies:
         self.coarse: list[CoarseSurface] = []
 
     def place(self, surface: ShownSurface) -> int:
-        """Index in ``coarse`` of the simplification of a surface; it is added if its triangles are new."""
+        """Index in ``coarse`` of the simplification of a surface; a simplification is added if the triangles are
+        new."""
         key = surface.triangles.tobytes()
         if key not in self._places:
             self._places[key] = len(self.coarse)
@@ -72,21 +73,21 @@ class ArrayEncoding:
         self.unit = max(largest, 1e-6) / SPAN
 
     def lengths(self, vertices: np.ndarray) -> str:
-        """(..., 3) mm."""
+        """Lengths (..., 3) in mm, encoded."""
         return _text(np.round(np.clip(vertices / self.unit, -SPAN, SPAN)).astype("<i2"))
 
     @staticmethod
     def shares(values: np.ndarray, most: float) -> str:
-        """(V,) values from 0 to ``most``."""
+        """Values (V,) from 0 to ``most``, encoded."""
         return _text(np.round(255 * np.clip(values / most, 0, 1)).astype(np.uint8))
 
     @staticmethod
     def indices(triangles: np.ndarray) -> str:
-        """(T, 3) int, below 65536."""
+        """Indices (T, 3) below 65536, encoded."""
         return _text(triangles.astype("<u2"))
 
     def topology(self, coarse: CoarseSurface) -> Mapping[str, Any]:
-        """Triangles and their regions."""
+        """Triangles and their regions, encoded."""
         return {"triangles": self.indices(coarse.triangles), "regions": _text(coarse.regions.astype(np.uint8))}
 
 

@@ -31,7 +31,7 @@ from mitsuba_taxel.studies.store.provenance import provenance
 def write_report(
     folder: Path, file: Path, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[str]:
-    """Write the page of a folder of results: of a study, of tolerances, of a fit or of an optimum.
+    """Write the web page of a folder of results.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def write_report(
     Raises
     ------
     InputError
-        if the folder holds no results.
+        if the folder contains no results.
     """
     outcome = outcome_sections(folder)
     scenes: dict[str, Any] = {}
@@ -94,7 +94,7 @@ def _missing(scenes: dict[str, xr.Dataset]) -> str:
 def _panels(
     scenes: dict[str, xr.Dataset], folder: Path, left_out: list[str], progress: Callable[[int, int], None]
 ) -> list[dict[str, Any]]:
-    """Panels of the viewer for all scenes; what cannot be shown is added to ``left_out``."""
+    """Panels of the viewer for all scenes; contents that cannot be shown are added to ``left_out``."""
     panels: list[dict[str, Any]] = []
     with_pads = sum("mesh" in study for study in scenes.values())
     most_per_scene = max(MOST_PANELS // max(with_pads, 1), 1)

@@ -1,7 +1,7 @@
 """A picture of a sensor: the sectioned pad, its photo-reflectors and the board, in soft light.
 
-The picture is a scene of its own, of Mitsuba's plugins, in an RGB variant. It is loaded by Mitsuba's parser, which
-takes the variant by name: the active variant does not change.
+The picture is rendered from a separate scene of Mitsuba's plugins in an RGB variant. Mitsuba's parser loads this scene
+for a variant given by name, so that the active variant does not change.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ AZIMUTH, ELEVATION, FIELD_OF_VIEW = 24.0, 19.0, 16.0
 """Camera, in degrees: azimuth to the right of -y, elevation above the board, and horizontal field of view."""
 MARGIN = 1.1
 CREASE = 25.0
-"""Least angle between two triangles, in degrees, for which their edge is shown sharp."""
+"""Edges are shown sharp from this angle between two triangles, in degrees."""
 GLOW = (18.0, 0.30, 0.05)
-"""Radiance of the LEDs' faces, relative to about 1 of the sky: near infrared, shown as red."""
+"""Radiance of the LEDs' faces, relative to the sky with about 1; near infrared is shown as red."""
 SKY, LAMP = (0.96, 0.98, 1.0), (5.2, 5.05, 4.8)
 """Radiances with which the unshaded ground is slightly overexposed white."""
 
@@ -80,7 +80,7 @@ _PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "r", "g", "b")
 
 
 def write_picture(pixels: np.ndarray, file: Path) -> None:
-    """Write a picture, to OpenEXR unchanged, to PNG with the sRGB transfer curve.
+    """Write a picture, as OpenEXR with linear colours or as PNG with the sRGB transfer curve.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
         with replacing(file) as temporary:
             bitmap.write(str(temporary))
         return
-    import OpenEXR  # Mitsuba's own writer deadlocks where Dr.Jit has one thread
+    import OpenEXR  # Mitsuba's writer deadlocks if Dr.Jit has one thread
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with replacing(file) as temporary, OpenEXR.File(header, {"RGB": numbers}) as image:
@@ -117,7 +117,7 @@ def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
     pixels : (H, W, 3) ndarray
         Linear colours.
     most : float
-        Largest pressure, MPa.
+        Largest pressure, in MPa.
 
     Returns
     -------
@@ -139,9 +139,9 @@ def labelled(pixels: np.ndarray, words: str, position: tuple[int, int] | None = 
     pixels : (H, W, 3) ndarray
         Linear colours.
     words : str
-        One line.
+        One line of text.
     position : tuple[int, int], optional
-        Pixels from the left and the top; by default in the lower left corner.
+        Position in pixels from the left and the top; by default in the lower left corner.
 
     Returns
     -------
@@ -178,7 +178,7 @@ def render_parts(
     parts : sequence of ShownPart
         Result of :func:`mitsuba_taxel.report.picture.sensor_parts.shown_parts`.
     width : int
-        In pixels; the height is 10/16 of it.
+        Width in pixels; the height is 10/16 of the width.
     samples : int
         Samples per pixel, rounded up to a multiple of 16, or to 1, 4 or 9.
     progress : Callable[[int, int], None], optional
@@ -210,7 +210,7 @@ def render_parts(
 
 
 def _instantiate(description: dict[str, Any]) -> Any:
-    """A ``mi.Scene`` of :data:`VARIANT`, whatever variant is active."""
+    """A ``mi.Scene`` in :data:`VARIANT`, independent of the active variant."""
     import mitsuba as mi
 
     getattr(mi, VARIANT)  # loads the variant's types, without which the scene would be an untyped object
@@ -222,7 +222,7 @@ def _instantiate(description: dict[str, Any]) -> Any:
 
 
 def _description(parts: Sequence[ShownPart], folder: Path, width: int) -> dict[str, Any]:
-    """The picture's scene as a Mitsuba dictionary, its meshes in a folder."""
+    """The scene of the picture as a Mitsuba dictionary, with its meshes written into a folder."""
     import mitsuba as mi
 
     to_world = mi.ScalarTransform4f
@@ -251,7 +251,7 @@ def _description(parts: Sequence[ShownPart], folder: Path, width: int) -> dict[s
             "film": film,
             "sampler": {"type": "multijitter"},
         },
-        # A uniform sky gives no noise on matt surfaces with BSDF sampling, but does with emitter sampling.
+        # On matt surfaces, a uniform sky causes no noise with BSDF sampling, but does with emitter sampling.
         "sky": {"type": "constant", "radiance": _rgb(SKY), "sampling_weight": 0.0},
         "lamp": {
             "type": "rectangle",
@@ -290,7 +290,7 @@ def _meshes(parts: Sequence[ShownPart], folder: Path) -> dict[str, dict[str, Any
 
 
 def most_pressure(parts: Sequence[ShownPart]) -> float:
-    """Largest contact pressure of an indenter, in MPa; 0 without an indenter.
+    """Largest contact pressure of an indenter.
 
     Parameters
     ----------
@@ -300,13 +300,13 @@ def most_pressure(parts: Sequence[ShownPart]) -> float:
     Returns
     -------
     float
-        In MPa; 0 without an indenter.
+        Pressure in MPa; 0 without an indenter.
     """
     return max((float(solid.pressure.max()) for solid in parts if solid.pressure is not None), default=0.0)
 
 
 def _colours(pressure: np.ndarray, most: float) -> np.ndarray:
-    """Linear colours (T, 3, 3) of the outside: those of pressures, or of the material where nothing presses."""
+    """Linear colours (T, 3, 3) of the outside: colours of pressures or, without pressure, of the material."""
     return np.where(pressure[..., None] > 0, _linear_colours(pressure, most), _SHELL)
 
 
@@ -355,7 +355,7 @@ def _viewpoint(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     up = np.cross(towards_viewer, right)
     slope = math.tan(math.radians(FIELD_OF_VIEW / 2)) / MARGIN
     target, distance = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.0
-    for _ in range(8):  # centre and size of the view depend on each other, weakly
+    for _ in range(8):  # centre and size of the view depend weakly on each other
         x, y, depth = ((points - target) @ axis for axis in (right, up, towards_viewer))
         distance = float(max((np.abs(x) / slope + depth).max(), (np.abs(y) * ASPECT / slope + depth).max()))
         u, v = x / (distance - depth), y / (distance - depth)

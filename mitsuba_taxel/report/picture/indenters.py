@@ -1,4 +1,4 @@
-"""Surfaces of the bodies that press on pads, near the pads."""
+"""Surfaces of indenters near their pads."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from mitsuba_taxel.kernels.protocols import PadShape
 
 
 def indenter_surface(pad: PadShape, magnify: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
-    """Vertices (V, 3) in mm and triangles (T, 3) of the indenter of a live `deformable_pad`, if there is one.
+    """Vertices (V, 3) in mm and triangles (T, 3) of the indenter of a loaded `deformable_pad`; None without an
+    indenter.
 
     If the indenter is larger than the pad, only its part around the tip is returned, up to the length of the pad.
 

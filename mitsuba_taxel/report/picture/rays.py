@@ -24,7 +24,7 @@ REACHED, OTHER, OUTLINE, LED, PHOTOTRANSISTOR = "#0072B2", "#9A9A9A", "#000000",
 
 
 def plot_paths(scene: mi.Scene, paths: RayPaths, name: str, file: Path) -> None:
-    """Write a picture of a taxel's paths, seen along y and along x, in mm.
+    """Write a picture of the light paths of a taxel, seen along y and along x, in mm.
 
     The section of the scene's surfaces with the plane through the taxel's centre is black; paths are projected onto
     that plane. The view contains all paths that reach the phototransistor, and nearly all others.
@@ -34,7 +34,7 @@ def plot_paths(scene: mi.Scene, paths: RayPaths, name: str, file: Path) -> None:
     scene : mi.Scene
         The scene of the paths.
     paths : RayPaths
-        Paths of a taxel, mm.
+        Paths of a taxel, in mm.
     name : str
         Name of the scene in the title.
     file : Path
@@ -121,7 +121,7 @@ def _draw_panel(ax: Axes, across: int, paths: RayPaths, meshes: list[Trimesh], f
     for label, (corners, colour) in faces.items():
         low, high = corners[:, seen].min(axis=0), corners[:, seen].max(axis=0)
         ends = np.stack([low, high])
-        # Along y, LED and phototransistor lie behind one another: the wider one extends beyond the narrower.
+        # Along y, LED and phototransistor lie behind each other; the wider face extends beyond the narrower.
         ax.plot(
             *ends.T, color=colour, linewidth=5 if label == "LED" else 3, solid_capstyle="butt", label=label, zorder=4
         )
@@ -138,7 +138,7 @@ def _section(mesh: Trimesh, across: int, centre: np.ndarray) -> np.ndarray:
 
 
 def shape_mesh(shape: mi.Shape) -> Trimesh | None:
-    """A shape as a triangle mesh, or None if it has no triangles."""
+    """A shape as a triangle mesh; None if it has no triangles."""
     import mitsuba as mi
     import trimesh
 

@@ -22,7 +22,7 @@ FACING = np.array([0.0, 1.0, 0.0])
 SHEET = 0.2
 """Thickness of rectangles in mm."""
 RIM, BOARD = 0.06, 0.04
-"""Overhang and thickness of the board, relative to the diagonal of the parts on it."""
+"""Overhang and thickness of the board, relative to the diagonal of the parts on the board."""
 OTHER = "plate"
 """Material of shapes without regions."""
 
@@ -53,7 +53,7 @@ class ShownPart:
 
     @property
     def is_package(self) -> bool:
-        """Whether it is a package of a photo-reflector."""
+        """Whether the part is the package of a photo-reflector."""
         return bool(np.isin(self.material, list(BODY_REGIONS)).any())
 
     def chosen(self, which: np.ndarray) -> ShownPart:
@@ -62,7 +62,7 @@ class ShownPart:
         return ShownPart(self.vertices, self.triangles[which], self.material[which], self.cell[which], pressure)
 
     def range(self, axis: int) -> tuple[float, float]:
-        """Smallest and largest coordinate of its triangles in mm."""
+        """Smallest and largest coordinate of the triangles along an axis, in mm."""
         coordinates = self.vertices[self.triangles][..., axis]
         return float(coordinates.min()), float(coordinates.max())
 
@@ -70,19 +70,19 @@ class ShownPart:
 def shown_parts(
     scene: mi.Scene, cut: float | str = "middle", magnify: float = 1.0
 ) -> tuple[list[ShownPart], float | None]:
-    """The parts of a picture of a ``mi.Scene``, and the position of its cut in mm, None without a cut.
+    """The parts of a picture of a ``mi.Scene``, and the position of the cut.
 
-    The part of pads and other surfaces at y > cut remains. Photo-reflectors are not cut, like fasteners in technical
-    drawings. A board is added. Rectangles are shown as thin sheets, except those at the height of the board; a
-    rectangle with an LED or a phototransistor has its appearance. Other shapes without triangles are omitted.
+    Pads and other surfaces remain at y > cut. Photo-reflectors are not cut, like fasteners in technical drawings. A
+    board is added. Rectangles are shown as thin sheets, except those at the height of the board; a rectangle with an
+    LED or a phototransistor looks like that part. Other shapes without triangles are omitted.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
     cut : float or str
-        Y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors without a pad), ``none`` for
-        no cut.
+        Coordinate y in mm; ``middle`` for the centres of the middle row of cells (of photo-reflectors without a pad),
+        ``none`` for no cut.
     magnify : float
         Factor of the displacements of deformable pads; packages do not move.
 
@@ -96,13 +96,13 @@ def shown_parts(
     Raises
     ------
     InputError
-        if the scene holds no mesh, or the cut does not intersect it.
+        if the scene contains no mesh, or the cut does not intersect the parts.
     """
     solids = [solid for shape in scene.shapes() if (solid := _solid(shape, magnify)) is not None]
     bodies = [body for shape in scene.shapes() if (body := _indenter(shape, magnify)) is not None]
     sheets = [_sheet(shape) for shape in scene.shapes() if shape.class_name() == "Rectangle"]
     if not solids:
-        raise InputError("the scene holds no mesh: nothing of it can be shown.")
+        raise InputError("the scene contains no mesh: nothing can be shown.")
     ground = min(solid.range(2)[0] for solid in solids)
     shown = [*solids, *bodies, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
     offset = None if cut == "none" else middle_row(solids) if cut == "middle" else float(cut)
@@ -119,7 +119,7 @@ def shown_parts(
 def middle_row(parts: list[ShownPart]) -> float:
     """y in mm of the middle row of cells or, without a pad, of photo-reflectors.
 
-    If the number of rows is even, it is the middle row nearer to -y; without rows, the middle of all parts.
+    If the number of rows is even, the middle row with the lower y is used; without rows, the middle of all parts.
     """
     ranges = [
         solid.chosen(solid.cell == cell).range(1) for solid in parts for cell in np.unique(solid.cell[solid.cell > 0])
@@ -176,7 +176,7 @@ def _indenter(shape: mi.Shape, magnify: float) -> ShownPart | None:
 
 
 def _displacements(pad: PadShape) -> np.ndarray:
-    """Displacements (V, 3), in mm, of the vertices of a pad's closed surface from the unloaded state."""
+    """Displacements (V, 3) in mm, from the unloaded state, of the vertices of a pad's closed surface."""
     turn, shift = pad.to_world[:3, :3], pad.to_world[:3, 3]
     return np.einsum("vi,ji->vj", pad.surface.vertices, turn) + shift - pad.undeformed.vertices
 

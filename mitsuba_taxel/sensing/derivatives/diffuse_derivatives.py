@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.sensing.diffuse.cell_patches import CellPatches
 
 LIGHT_SHARE = 0.25
-"""Standard deviation of the derivatives of the finer solution, relative to their difference from the coarser one's."""
+"""Standard deviation of the derivatives of the finer solution, relative to their difference from those of the coarser
+solution."""
 HORIZON_SHARE = 1.3
 """Standard deviation of a derivative, relative to its change with a horizon of twice the width: compared with
 differences of readings of bent plates and loaded pads, it is 0.5 to 2.5."""
@@ -74,7 +75,7 @@ def derivatives_by(
     Returns
     -------
     Derivatives
-        In W per unit of each parameter.
+        Derivatives in W per unit of each parameter.
 
     Raises
     ------
@@ -189,7 +190,7 @@ class _Second:
 
 class _CellDerivatives(NamedTuple):
     """Results of a cell: reading per W of its LED, derivatives (P,) with respect to each parameter, errors (1 + P,) of
-    both by the light, comparison with a second mesh, and flows of light between patches."""
+    both due to the light, comparison with a second mesh, and flows of light between patches."""
 
     reading: float
     values: np.ndarray

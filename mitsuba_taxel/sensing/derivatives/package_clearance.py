@@ -29,7 +29,7 @@ class PackageClearance:
     Attributes
     ----------
     value : float
-        In mm; NaN if the scene has no packages.
+        Least distance in mm; NaN if the scene has no packages.
     """
 
     def __init__(self, state: State, bodies: list[np.ndarray]) -> None:

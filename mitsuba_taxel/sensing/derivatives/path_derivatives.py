@@ -72,7 +72,7 @@ def derivatives_of_paths(
     Returns
     -------
     Derivatives
-        In W per unit of each parameter.
+        Derivatives in W per unit of each parameter.
 
     Raises
     ------
@@ -161,7 +161,7 @@ class _Along:
     def _shape_errors(
         self, chosen: _Chosen, differences: _Differences, derivative: np.ndarray, mean: Mean
     ) -> list[float]:
-        """Errors by the shape of a pad, in W per unit of the parameter; none without a pad."""
+        """Errors due to the shape of a pad, in W per unit of the parameter; none without a pad."""
         return []
 
     def _chosen(self) -> _Chosen:
@@ -180,7 +180,8 @@ class _Along:
             step_errors.append(last)
             twice = derivative
 
-        # Smaller steps have no less noise, whatever few pilot paths say: rays that begin or cease to hit grow rare.
+        # Smaller steps have no less noise, even if few pilot paths suggest it: rays that begin or cease to hit grow
+        # rare.
         noise = [float(np.sqrt((standard_error(derivative) ** 2).mean())) for derivative in derivatives]
         noise = np.maximum.accumulate(noise).tolist()
         target = NOISE * float(np.sqrt((derivatives[0].mean(axis=0) ** 2).mean()))

@@ -98,7 +98,7 @@ def rates(scene: Scene, name: str) -> Rates:
     Returns
     -------
     Rates
-        Per unit of the parameter.
+        Rates per unit of the parameter.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def _differences(
     states = [(weight, parameter.at(value)) for weight, value in values]
     pad = _pad(base)
 
-    # The pad: its load, the position of what presses on it, its material and its dimensions.
+    # The pad: its load, the position of the patch or indenter, its material and its dimensions.
     load, place, material, dimensions = np.zeros(0), np.zeros(2), dict[str, float](), dict[str, float]()
     for weight, state in states:
         changed = _pad(state)
@@ -281,7 +281,7 @@ def _differences(
     moves_packages = any(_without_pad(base, PACKAGES) != _without_pad(state, PACKAGES) for _, state in states)
     if pad and pad.self_contact and moves_packages:
         raise InputError(
-            f"{parameter.name} has no derivative with self_contact, as it moves what the pad may touch: "
+            f"{parameter.name} has no derivative with self_contact, as it moves an object that the pad may touch: "
             f"vary it in a sweep instead."
         )
     for _, state in states if beside_pad else []:

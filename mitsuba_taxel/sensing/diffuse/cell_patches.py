@@ -67,7 +67,7 @@ class CellPatches:
         Returns
         -------
         (F + G, 15, 3) ndarray
-            In mm per mm of the dimension.
+            Velocities in mm per mm of the dimension.
         """
         return self._with_package(self.faces.moved(parameter, displacement), np.zeros_like(self.package))
 

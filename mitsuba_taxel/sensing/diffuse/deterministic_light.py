@@ -39,9 +39,9 @@ class DeterministicLight(NamedTuple):
     Attributes
     ----------
     power, error : (T,) ndarray
-        In W; the error is one standard deviation by patches, quadrature and occluded paths.
+        Power and its error in W; the error is one standard deviation due to patches, quadrature and occluded paths.
     deviation : (T,) ndarray or None
-        In W, as in `Readings`; None if no pad is loaded or it was not requested.
+        Deviation in W, as in `Readings`; None if no pad is loaded or it was not requested.
     """
 
     power: np.ndarray

@@ -59,7 +59,8 @@ between walls that scatter, with them, and with them if the walls scatter isotro
 patches of 0.6 of the size under load, readings differ by up to 1.1e-4; with edges, they differ from random paths by up
 to 2.4e-4 and 1.1e-3."""
 _MESHING = threading.Lock()
-"""Lets one thread at a time compute the pairs of points of a cell, which others then take from the cache."""
+"""Lock with which one thread at a time computes the pairs of points of a cell, which others then take from the
+cache."""
 
 
 class NotFollowed(ComputationError):
@@ -226,7 +227,7 @@ class DiffuseCells:
         Returns
         -------
         float
-            From 0 to 1.
+            Fraction, from 0 to 1.
         """
         clear = CLEARANCE * np.linalg.norm(sources[:, 0] - ends[:, 0], axis=1).max(initial=0)
         start, end = (points[:, 0] + clear * points[:, 1] for points in (sources, ends))

@@ -33,7 +33,8 @@ KINKED = 4.0
 """Factor of the error of light, relative to the difference of two solutions, if a law has kinks, which polynomials
 follow more slowly. Found by comparison with patches of 0.6 of the size, for tables of five rows."""
 HORIZON, NEARLY_DARK = 1e-4, 1e-3
-"""A table ends with a step if its last cosine and its last response, relative to the maximum, are both larger."""
+"""A table ends with a step if its last cosine and its last response, relative to the maximum, are both larger than
+this."""
 IntoPad = Callable[..., np.ndarray]
 """Transforms points, or directions if ``is_direction``, from world coordinates to the frame of the pad."""
 
@@ -119,7 +120,7 @@ def scattered_fractions(wall: mi.BSDF) -> tuple[float, float]:
     Returns
     -------
     isotropic, lambertian : float
-        From 0 to 1; the rest is absorbed.
+        Fractions from 0 to 1; the rest is absorbed.
 
     Raises
     ------
@@ -159,7 +160,7 @@ def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int
     Returns
     -------
     list[Taxel]
-        In the order of the array.
+        Taxels in the order of the array.
 
     Raises
     ------

@@ -99,7 +99,7 @@ def equal_at_rest(cells: DiffuseCells) -> list[int]:
 
 
 def _shifted(shift: np.ndarray, end: End, origin: End, bound: float) -> bool:
-    """Whether an end is another one, its origin, translated by ``shift`` (3,)."""
+    """Whether an end equals another end, its origin, translated by ``shift`` (3,)."""
     if end.law != origin.law or end.points.shape != origin.points.shape:
         return False
     alike = _close(end.weights, origin.weights) and _close(end.normal, origin.normal)
@@ -107,7 +107,7 @@ def _shifted(shift: np.ndarray, end: End, origin: End, bound: float) -> bool:
 
 
 def _mirrored(mirror: Mirror, end: End, origin: End) -> bool:
-    """Whether an end is the image of another one, judged by mean and spread of its points."""
+    """Whether an end is the mirror image of the end ``origin``, judged by mean and spread of its points."""
     image = mirror.image(origin.points)
     if not _close(end.points.mean(axis=0), image.mean(axis=0)):
         return False

@@ -29,7 +29,7 @@ class Derivatives:
     parameters : tuple[str, ...]
         Names, in the order of the columns.
     units : tuple[str, ...]
-        Such as W/N.
+        Units of the derivatives, such as W/N.
     values : (T, P) ndarray
     standard_errors : (T, P) ndarray
         One standard deviation, due to the light (patches of finite size and occluded light, or noise, steps of
@@ -121,7 +121,7 @@ def unit_of(parameter: str) -> str:
     Returns
     -------
     str
-        Such as W/N.
+        Unit of the derivative, such as W/N.
     """
     return "W" if parameter == "1" else f"W/{parameter}"
 

@@ -34,7 +34,7 @@ def roof_errors(scene: mi.Scene) -> list[RoofError | None]:
     Returns
     -------
     list[RoofError or None]
-        In the order of the scene; None if unknown.
+        Errors of the pads in the order of the scene; None if unknown.
     """
     with stages.stage("mechanics"):
         return [pad.state.error for pad in loaded_pads(scene)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE
 
-if TYPE_CHECKING:  # the list itself is read where there is no pad, too
+if TYPE_CHECKING:  # the list is read in scenes without a pad, too
     from mitsuba_taxel.mechanics.continuation.state import State
 
 

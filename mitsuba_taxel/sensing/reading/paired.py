@@ -82,7 +82,7 @@ def paired(base: Scene, scene: Scene) -> Prepared:
     -------
     Prepared
         The scene; its readings are not paired if the base scene does not exist, :func:`can_be_paired` is false, or
-        that has more noise.
+        paired readings have more noise.
     """
     try:
         loaded_base = prepare(base)

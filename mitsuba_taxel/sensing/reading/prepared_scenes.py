@@ -26,7 +26,7 @@ class Settings(NamedTuple):
     Attributes
     ----------
     points : int
-        Per taxel and replicate; 0 without random numbers.
+        Number of points per taxel and replicate; 0 without random numbers.
     mesh_size : float or None
         Mesh size of pads, in mm; None for the mesh size of the scene.
     """
@@ -41,7 +41,7 @@ class MechanicsEstimate(NamedTuple):
     Attributes
     ----------
     deviation : (T,) ndarray or None
-        In W, as in `Readings`; None if no pad is loaded.
+        Change of the power in W, as in `Readings`; None if no pad is loaded.
     share : float
         The relative error; NaN if unknown.
     """
@@ -56,7 +56,7 @@ class FacetsEstimate(NamedTuple):
     Attributes
     ----------
     facets : (T,) ndarray or None
-        In W, as in `Readings`; None if no wall is curved.
+        Change of the power in W, as in `Readings`; None if no wall is curved.
     share : float
         The relative error.
     pilot : Run or None
@@ -72,7 +72,7 @@ FLAT = FacetsEstimate(None, 0.0, None)
 
 
 class ShapeErrors(NamedTuple):
-    """Errors by the shape of a scene.
+    """Errors due to the shape of a scene.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class PreparedFor(NamedTuple):
     ready : Prepared
         The scene.
     errors : ShapeErrors
-        Errors by the shape of the scene, and the readings if no random paths are needed.
+        Errors due to the shape of the scene, and the readings if no random paths are needed.
     settings : Settings
         Settings of the reading.
     light_error : float

@@ -36,7 +36,7 @@ def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
     Returns
     -------
     float
-        One standard deviation.
+        Relative errors, one standard deviation.
     """
     return ERROR_SHARE * _mean_share(deviation, power)
 
@@ -54,7 +54,7 @@ def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
     Returns
     -------
     float
-        One standard deviation.
+        Relative errors, one standard deviation.
     """
     return FACETS_SHARE * _mean_share(facets, power)
 
@@ -83,7 +83,7 @@ def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray
-        Without unit.
+        Ratios, without unit.
     """
     return np.divide(error, power, out=np.where(error == 0, 0.0, math.inf), where=power > 0)
 
@@ -374,7 +374,7 @@ def readings_answer(readings: Readings) -> str:
     Returns
     -------
     str
-        Such as ``Power on 9 phototransistors: 4.149e-03 to 4.158e-03 W, each ± 0.23 % or less.``
+        One line, such as ``Power on 9 phototransistors: 4.149e-03 to 4.158e-03 W, each ± 0.23 % or less.``
     """
     power, error = readings.power, readings.total_error
     count = len(power)
@@ -423,7 +423,7 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
 
 
 def origin_lines(readings: Readings) -> list[str]:
-    """How readings were obtained: light, notes, error budget and time.
+    """Lines on how readings were obtained: light, notes, error budget and time.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """All results of a reading: one entry each.
 
-An entry says what a result is, and how it follows from `Readings`. Datasets of studies, NetCDF, CSV and Parquet tables,
-names that parameters may not have, and the list in the documentation are read off here. Numbers of deformed pads are
-listed in `mitsuba_taxel.sensing.reading.pad_results`, and join by themselves.
+An entry states what a result is, and how it follows from `Readings`. Datasets of studies, NetCDF, CSV and Parquet
+tables, names that parameters may not have, and the list in the documentation are read off here. Numbers of deformed
+pads are listed in `mitsuba_taxel.sensing.reading.pad_results`, and join by themselves.
 """
 
 from __future__ import annotations

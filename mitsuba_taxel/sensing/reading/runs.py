@@ -169,7 +169,7 @@ class Run:
         Parameters
         ----------
         points : int
-            Per taxel and replicate.
+            Number of points per taxel and replicate.
         clock : Clock, optional
             Time budget.
         """
@@ -217,12 +217,12 @@ def derived_seed(seed: int, index: int) -> int:
     seed : int
         Seed from 0 on.
     index : int
-        From 0 on.
+        Number of the derived seed, from 0 on.
 
     Returns
     -------
     int
-        From 0 to 2**32 - 1.
+        The derived seed, from 0 to 2**32 - 1.
     """
     return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
 

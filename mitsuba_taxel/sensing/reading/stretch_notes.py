@@ -17,12 +17,12 @@ _STRETCHED = re.compile(r"the silicone is stretched to (?P<stretch>\d+\.\d+) (?P
 
 
 def stretch_notes(scene: mi.Scene) -> list[str]:
-    """Where the largest strain of a pad exceeds what is known of its material.
+    """Notes on pads whose largest strain exceeds what is known of their material.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------

@@ -14,7 +14,8 @@ DEEPEST = 16
 DEEPEST_INCLUDE = 14
 """Largest depth of files that include one another, of Mitsuba's parser."""
 MOST_INCLUDED = 200
-"""Files that a scene may include, each counted as often as it is: a few that include each other twice have no end."""
+"""Files that a scene may include, each counted as often as it is included: a few files that include each other twice
+would never end."""
 LARGEST_SCENE = 1 << 26
 """Bytes of the largest file of a scene."""
 

@@ -18,12 +18,12 @@ def deformed_pads(scene: mi.Scene) -> list[PadShape]:
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------
     list[PadShape]
-        In the order of the scene.
+        Pads in the order of the scene.
     """
     return [shape for shape in scene.shapes() if is_pad(shape) and shape.state is not None]
 
@@ -34,12 +34,12 @@ def loaded_pads(scene: mi.Scene) -> list[PadShape]:
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------
     list[PadShape]
-        In the order of the scene.
+        Pads in the order of the scene.
     """
     return [pad for pad in deformed_pads(scene) if pad.is_loaded]
 
@@ -55,12 +55,12 @@ def contact_notes(scene: mi.Scene) -> list[str]:
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------
     list[str]
-        A sentence for each pad that rests on one.
+        A sentence for each pad that rests on a package.
     """
     notes = []
     for pad in deformed_pads(scene):

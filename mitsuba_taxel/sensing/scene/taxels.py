@@ -16,7 +16,7 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------

@@ -163,8 +163,9 @@ class RayPaths:
     Attributes
     ----------
     vertices : list of ndarray
-        Vertices for each path (n, 3) positions in mm, n from 2 to 64: the LED or its window, each reflection, the end.
-        A path that escapes ends shortly after its last reflection; light that does not leave a package has none.
+        Vertices for each path Positions (n, 3) in mm, n from 2 to 64: the LED or its window, each reflection, and the
+        end of the path. A path that escapes ends shortly after its last reflection; light that does not leave a package
+        has none.
     reached : (N,) ndarray
         Mask of the paths that have reached the taxel's own phototransistor.
     power : (N,) ndarray
@@ -256,7 +257,7 @@ def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
     pair : TaxelPair
         The arrays.
     index : int
-        From 0.
+        Index, from 0.
 
     Raises
     ------

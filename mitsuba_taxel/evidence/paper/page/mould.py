@@ -158,10 +158,7 @@ def _computed(figures: Figures) -> str:
         (
             wall.cell,
             *((wall.pad, wall.change) if with_change else _walls(wall)),
-            *(
-                _bend(row.nonlinearity) if name == "nonlinearity" else micro(*row.numbers()[name])
-                for name in columns
-            ),
+            *(_bend(row.nonlinearity) if name == "nonlinearity" else micro(*row.numbers()[name]) for name in columns),
         )
         for wall, row in sorted(figures.items(), key=lambda item: _order(item[0]))
     ]
@@ -242,9 +239,7 @@ def misfit(row: Mapping[str, MouldFigures]) -> float:
     float
         Exponential of the root mean square of the logarithms of the ratios; 1 for perfect agreement.
     """
-    logs = [
-        math.log(ratio(row[cell].most, row[FLAT].most)[0] / measured_ratio(cell)) for cell in ROUND
-    ]
+    logs = [math.log(ratio(row[cell].most, row[FLAT].most)[0] / measured_ratio(cell)) for cell in ROUND]
     return math.exp(math.sqrt(sum(log**2 for log in logs) / len(logs)))
 
 
