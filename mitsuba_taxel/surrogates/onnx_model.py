@@ -181,9 +181,10 @@ def _voltage_error(circuit: Circuit, unseen: Unseen) -> tuple[float, float]:
 def write_calibration(found: Calibration, file: str | Path) -> None:
     """Write a calibration as an ONNX model.
 
-    Its input ``inputs`` (rows, taxels) are readings in the calibration's unit; outputs are ``force`` (rows, forces) and
-    ``half_width`` (forces,) of the intervals in N, and ``inside`` (rows,), whether the readings lie within the ranges
-    of the fit.
+    Its input ``inputs`` (rows, taxels) are readings in the calibration's unit; outputs are ``force`` (rows, forces) in
+    N, ``half_width`` (forces,) of the intervals in N, and ``inside`` (rows,), whether the readings lie within the
+    ranges of the fit. If a depth or a place is among the quantities, the first output is called ``quantity``; names and
+    units of its columns are in the metadata ``quantities``.
 
     Parameters
     ----------
@@ -206,11 +207,22 @@ def write_calibration(found: Calibration, file: str | Path) -> None:
         "high": json.dumps(polynomial.high.tolist()),
         "forces": json.dumps(list(found.forces)),
         "half_width": json.dumps(found.half_width.tolist()),
-        "coverage": json.dumps({"wanted": found.coverage, "found": found.covered, "tested": found.tested}),
+        "quantities": json.dumps(dict(zip(found.forces, found.units, strict=True))),
+        "coverage": json.dumps(
+            {
+                "wanted": found.coverage,
+                "found": found.covered,
+                "found_error": json_number(found.covered_error),
+                "tested": found.tested,
+                "paths": found.paths,
+                "paths_needed": found.needed,
+            }
+        ),
         "errors_leave_out": LEFT_OUT["calibration"],
         PRINTED: as_json(printed_calibration(found)),
     }
-    content = _model(polynomial, metadata, "force", found.half_width)
+    output = "force" if set(found.units) == {"N"} else "quantity"
+    content = _model(polynomial, metadata, output, found.half_width)
     with replacing(Path(file)) as temporary:
         temporary.write_bytes(content)
 

@@ -10,6 +10,9 @@ from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.surrogates.calibration import Calibration
 from mitsuba_taxel.surrogates.polynomial import Polynomial
 
+LEAST_MISSED = 0.005
+"""Shortfall of a test that is said, if it is larger than its standard error, too."""
+
 
 def printed_model(model: Polynomial, notes: Sequence[str]) -> Printed:
     """Summary of a model of readings: ranges of its inputs, its error, and notes.
@@ -47,15 +50,25 @@ def printed_calibration(calibration: Calibration) -> Printed:
     Printed
         Lines.
     """
-    widths = zip(calibration.forces, calibration.half_width, strict=True)
+    widths = zip(calibration.forces, calibration.half_width, calibration.units, strict=True)
+    asked, paths, needed = f"{100 * calibration.coverage:.4g}%", calibration.paths, calibration.needed
+    few, missed = paths < needed, calibration.coverage - calibration.covered
+    missed_test = missed > max(calibration.covered_error, LEAST_MISSED)
+    claim = "is meant to contain" if few or missed_test else "contains"
     printed: Printed = [
-        f"{name}: +- {width:.3g} N contains the force with a probability of {calibration.coverage:.0%}"
-        for name, width in widths
+        f"{name}: +- {width:.3g} {unit} {claim} the {'force' if unit == 'N' else 'value'} with a probability of {asked}"
+        for name, width, unit in widths
     ]
-    printed.append(
-        f"Tested on {calibration.tested}: intervals from the other paths contain "
-        f"{calibration.covered:.1%} of the forces."
+    if few:
+        printed.append(
+            f"{paths} paths are too few for {asked} by ranks of paths: at least {needed} are needed. Intervals hold "
+            f"if errors are normal from path to path; for any distribution they contain {paths / (paths + 1):.0%}."
+        )
+    test = (
+        f"Tested on {calibration.tested}: intervals from the other paths contain {calibration.covered:.1%} +- "
+        f"{calibration.covered_error:.1%} of the values"
     )
+    printed.append(f"{test}, fewer than {asked}: more paths are needed." if missed_test else f"{test}.")
     if not math.isnan(calibration.noise):
         circuit_noise = " of the light and that of the circuit" if calibration.unit == "V" else ""
         noise = f"{calibration.noise:.2g} relative noise{circuit_noise}"

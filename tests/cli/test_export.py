@@ -35,9 +35,12 @@ def test_the_program_calibrates_a_study_and_a_bench(taxel, tmp_path):
     assert_on_its_page(done, tmp_path)
     assert done.returncode == 0 and done.stderr == "" and "contains the force with a probability of 80%" in done.stdout
     assert (tmp_path / "calibration.onnx").stat().st_size
-    about = json.loads(taxel("calibrate", "bench.csv", "--json").stdout)
-    # Noise is white here; of some six runs, Student's distribution has 1.94 standard deviations, which hold 95 %.
-    assert abs(about["covered"] - 0.948) < 0.02 and set(about["half_width_N"]) == {"fz"}
-    for words in (("nowhere",), ("nowhere.csv",), ("bench.csv", "--coverage", "2")):
+    about = json.loads(taxel("calibrate", "bench.csv", "--coverage", "80%", "--json").stdout)
+    # Noise is white here; of the 6.4 other runs on average, and a new one.
+    assert abs(about["covered"] - 0.8 * 7.4 / 6.4) < 0.02 and set(about["half_width_N"]) == {"fz"}
+    assert about["paths"] == 8 and about["paths_needed"] == 4
+    few = taxel("calibrate", "bench.csv", "--over", "force").stdout
+    assert "is meant to contain the force" in few and "8 paths are too few for 90% by ranks of paths: at least 9" in few
+    for words in (("nowhere",), ("nowhere.csv",), ("bench.csv", "--coverage", "2"), ("bench.csv", "--over", "place")):
         done = taxel("calibrate", *words)
         assert done.returncode == 2 and done.stderr.count("\n") == 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -11,7 +13,6 @@ from mitsuba_taxel import Circuit, InputError
 from mitsuba_taxel.characterise import Measurement
 from mitsuba_taxel.electronics import respond, with_volts
 from mitsuba_taxel.surrogates import calibrate, write_calibration
-from mitsuba_taxel.surrogates.calibration import interval_of_paths
 from mitsuba_taxel.surrogates.wording import printed_calibration
 
 FORCE, NOISE = np.linspace(0, -10, 11), 0.005
@@ -44,30 +45,6 @@ def test_intervals_cover_on_new_paths(coverage):
     assert abs(inside.mean() - coverage) < 0.1 and found.half_width[1] < 2
 
 
-@pytest.mark.parametrize("paths", [3, 10])
-@pytest.mark.parametrize("coverage", [0.5, 0.9])
-def test_intervals_cover_errors_that_are_common_to_a_path(paths, coverage):
-    """Of few paths, whose rows count once however many there are; false-alarm rate 1e-4. The quantile of all rows
-    contained 75 % where 90 % were stated of three paths."""
-    random, count = np.random.default_rng(paths), 3000
-    path = np.repeat(np.arange(paths), [2 + 3 * number for number in range(paths)])
-    inside = 0
-    for _ in range(count):
-        common = random.normal(size=(paths + 1, 1))
-        (width,) = interval_of_paths(common[:-1][path] + 0.01 * random.normal(size=(len(path), 1)), path, coverage)
-        inside += abs(common[-1, 0]) < width
-    assert inside >= stats.binom.ppf(1e-4, count, coverage)
-    if coverage == 0.9:
-        assert inside <= stats.binom.isf(1e-4, count, coverage + 0.01)
-
-
-def test_intervals_of_errors_of_single_rows_are_little_wider_than_needed():
-    """By Student's distribution for 24 paths instead of the normal one."""
-    missed = np.random.default_rng(3).normal(size=(24 * 200, 1))
-    (width,) = interval_of_paths(missed, np.repeat(np.arange(24), 200), 0.9)
-    assert width == pytest.approx(stats.t.isf(0.05, 24), rel=0.03)
-
-
 def test_a_measurement_is_calibrated_by_its_runs():
     time = np.arange(0, 400, 0.1)
     force = -5 * (1 - np.cos(time / 8))
@@ -75,8 +52,10 @@ def test_a_measurement_is_calibrated_by_its_runs():
     volts = 1 - 0.05 * force[:, None] * [1, 0.5] + 2e-3 * rng.normal(size=(len(time), 2))
     bench = Measurement(time, force[:, None], ("fz",), volts, np.array([1, 2]), "bench.csv")
     found = calibrate(bench, coverage=0.9)
-    assert found.unit == "V" and found.forces == ("fz",) and 0.9 <= found.covered < 0.93
-    assert found.half_width[0] == pytest.approx(1.645 * 2e-3 / 0.05 / np.hypot(1, 0.5), rel=0.1)  # the best there is
+    assert found.unit == "V" and found.forces == ("fz",) and found.units == ("N",) and found.paths == 16
+    assert found.covered == pytest.approx(0.9 * 13.8 / 12.8, abs=0.01)  # of the 12.8 other paths on average, and one
+    best, rank = 2e-3 / 0.05 / np.hypot(1, 0.5), 0.9 * (found.paths + 1) / found.paths
+    assert found.half_width[0] == pytest.approx(stats.norm.isf((1 - rank) / 2) * best, rel=0.1)
 
 
 def test_behind_a_circuit_readings_are_volts_with_its_noise():
@@ -92,7 +71,8 @@ def test_behind_a_circuit_readings_are_volts_with_its_noise():
     found = calibrate(with_volts(watts, circuit), coverage=0.9)
     deviation = np.hypot(noise, circuit.step / np.sqrt(12))
     assert found.unit == "V" and found.noise == 0 and set(found.polynomial.units) == {"V"}
-    assert found.half_width[0] == pytest.approx(1.645 * deviation / slope, rel=0.1)
+    rank = 0.9 * 25 / 24  # of 24 paths and a new one
+    assert found.half_width[0] == pytest.approx(stats.norm.isf((1 - rank) / 2) * deviation / slope, rel=0.1)
     shown = circuit.step * respond(circuit, power[0, 5:6]).counts[:, None]
     assert found.polynomial(shown)[0, 0] == pytest.approx(FORCE[5], abs=circuit.step / slope)
     in_watts = calibrate(watts)
@@ -137,7 +117,51 @@ def test_a_runtime_reads_it(tmp_path):
     assert inside.tolist() == [True, False] and width.tolist() == found.half_width.tolist()
 
 
+def touches(places=8, reaction=True):
+    """A study of an indenter's depth and place: the force grows with the depth, the light with force and place."""
+    depth, x = np.linspace(0, 0.4, 5), np.linspace(-1, 1, places)
+    force = -20 * depth[None] ** 1.5 * (1 + 0.1 * x[:, None])
+    power = 1e-3 * np.stack([1 + 0.05 * force * (1 + 0.3 * side * x[:, None]) for side in (-1, 1)], axis=-1)
+    study = xr.Dataset({"power": (["spot", "down", "taxel"], power)}, {"spot": x, "down": depth, "taxel": [1, 2]})
+    roles = {"spot": ["indenter_x", 1], "down": ["uz", -1]}
+    study.attrs = {"curve": "down", "roles": json.dumps(roles), "forces": "{}", "parameters": "{}"}
+    return study.assign(reaction_fz=(["spot", "down"], force)) if reaction else study
+
+
+@pytest.mark.parametrize(
+    ("over", "names", "units"),
+    [
+        (None, ("fz", "spot"), ("N", "mm")),
+        ("depth", ("down",), ("mm",)),
+        (["depth", "place"], ("down", "spot"), ("mm", "mm")),
+        ("force", ("fz",), ("N",)),
+    ],
+)
+def test_studies_by_depth_are_calibrated_over_force_depth_or_place(over, names, units):
+    """Two taxels tell force and place apart; the names are the scene's own."""
+    found = calibrate(touches(), noise=1e-5, over=over)
+    assert found.forces == names and found.units == units and found.paths == 8
+    study = touches(places=3)  # the places -1, 0 and 1, of which 0 was not seen
+    shown = study.power.sel(spot=0).isel(down=3).values[None]
+    true = {"fz": study.reaction_fz.sel(spot=0).values[3], "down": study.down.values[3], "spot": 0.0}
+    size = {"fz": 5, "down": 0.4, "spot": 2}
+    for name, value in zip(names, found.polynomial(shown)[0], strict=True):
+        assert value == pytest.approx(true[name], abs=0.1 * size[name])
+    words = printed_calibration(found)
+    assert any("8 paths are too few for 90% by ranks of paths: at least 9 are needed" in line for line in words)
+    assert f"{names[0]}: +- " in words[0] and f" {units[0]} is meant to contain" in words[0]
+    assert calibrate(touches(reaction=False), noise=1e-5).forces == ("down", "spot")
+
+
 def test_too_little_is_refused():
+    with pytest.raises(InputError, match="no force is varied"):
+        calibrate(touches(reaction=False), over="force")
+    with pytest.raises(InputError, match="no place is varied: a study of several values of the position"):
+        calibrate(study(), over="place")
+    with pytest.raises(InputError, match="over = 'weight' is not allowed: one or several of force, depth, place"):
+        calibrate(study(), over=["force", "weight"])
+    with pytest.raises(InputError, match="coverage = 1.0 is not allowed: a number above 0 and below 1"):
+        calibrate(study(), coverage=1.0)
     with pytest.raises(InputError, match="at least three curves"):
         calibrate(study().isel(fx=slice(0, 2)))
     with pytest.raises(InputError, match="no force is varied"):

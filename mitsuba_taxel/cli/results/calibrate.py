@@ -1,4 +1,4 @@
-"""`taxel calibrate`: forces from readings, with intervals."""
+"""`taxel calibrate`: forces, depth or place from readings, with intervals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import click
 from ..options import Fraction, debug_option, json_option, output_option
 
 
-@click.command(short_help="Forces from readings, with prediction intervals (ONNX).")
+@click.command(short_help="Forces or places from readings, with prediction intervals (ONNX).")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DIR|FILE.csv")
 @output_option("calibration.onnx", "The calibration.")
 @click.option(
@@ -17,20 +17,27 @@ from ..options import Fraction, debug_option, json_option, output_option
     type=Fraction(),
     default="90%",
     show_default=True,
-    help="Share of forces that intervals should contain.",
+    help="Share of the values that intervals should contain.",
 )
 @click.option(
     "--noise", type=Fraction(), show_default="0.5%, or that of the study's circuit alone",
     help="Relative noise added to the light of each reading of a study; a measurement has its own.",
 )  # fmt: skip
+@click.option(
+    "--over", multiple=True, type=click.Choice(["force", "depth", "place"]),
+    show_default="the force, or else the depth; and the place if it is varied",
+    help="What is computed from readings; may be repeated.",
+)  # fmt: skip
 @json_option
 @debug_option
-def command(source: Path, output: Path, coverage: float, noise: float | None, as_json: bool) -> None:
-    """Fit a model of the forces to the readings of the study in DIR, or of a bench measurement.
+def command(
+    source: Path, output: Path, coverage: float, noise: float | None, over: tuple[str, ...], as_json: bool
+) -> None:
+    """Fit a model of the forces, the depth or the place to the readings of the study in DIR, or of a bench measurement.
 
     The model is a polynomial of the readings, in volts if they are measured or the study has a circuit. It is
-    cross-validated on whole paths: curves of a study, or runs of a measurement. Intervals are calibrated on paths that
-    a fit has not seen.
+    cross-validated on whole paths: curves of a study, or runs of a measurement. Intervals follow from the ranks of the
+    errors on paths that a fit has not seen.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.characterise import read_measurement
@@ -40,12 +47,17 @@ def command(source: Path, output: Path, coverage: float, noise: float | None, as
     from ..tables import print_json, print_result, say
 
     data = read_measurement(source) if source.suffix.lower() == ".csv" else open_study(source)
-    calibration = calibrate(data, coverage=coverage, noise=noise)
+    calibration = calibrate(data, coverage=coverage, noise=noise, over=over or None)
     write_calibration(calibration, output)
-    widths = dict(zip(calibration.forces, calibration.half_width.tolist(), strict=True))
+    widths = list(zip(calibration.forces, calibration.units, calibration.half_width.tolist(), strict=True))
     if as_json:
-        about = {"unit": calibration.unit, "half_width_N": widths, "coverage": calibration.coverage}
-        about |= {"covered": calibration.covered, "tested": calibration.tested}
+        about = {
+            f"half_width_{unit}": {name: width for name, own, width in widths if own == unit}
+            for unit in dict.fromkeys(calibration.units)
+        }
+        about = {"unit": calibration.unit, **about, "coverage": calibration.coverage, "covered": calibration.covered}
+        about |= {"covered_error": calibration.covered_error, "tested": calibration.tested}
+        about |= {"paths": calibration.paths, "paths_needed": calibration.needed}
         print_json({**about, "rms_of_range": calibration.polynomial.rms, "file": str(output)})
         return
     print_result(printed_calibration(calibration))
