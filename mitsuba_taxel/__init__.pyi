@@ -88,6 +88,9 @@ from .mechanics import (
     tessellate as tessellate,
 )
 from .pads import (
+    Block as Block,
+)
+from .pads import (
     Pad as Pad,
 )
 from .pads import (

@@ -9,7 +9,7 @@ import numpy as np
 from mitsuba_taxel.check.faces import CORNERS, Boxes, Faces, apply, boxes_of, faces_of, to_world
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, SceneObject, SceneObjects
-from mitsuba_taxel.pads import Pad
+from mitsuba_taxel.pads import Block, Pad
 from mitsuba_taxel.pads.room import ROUNDING, holds, nearest_cell, room_needed
 
 GAP = 1e-3
@@ -32,6 +32,7 @@ def check_geometry(objects: SceneObjects) -> Iterator[Finding]:
         yield from _nothing_in_front(faces, objects)
     # Boards and packages against pads.
     pads = [obj for obj in objects.shapes() if obj.plugin == PAD]
+    pads = [pad for pad in pads if not isinstance(pad.instance.pad, Block)]  # these need no board
     for pad in pads:
         yield from _board(pad, faces, objects)
     bodies = [box for box in boxes if box.obj.plugin == "photo_reflector"]
@@ -72,7 +73,7 @@ def _nothing_in_front(faces: list[Faces], objects: SceneObjects) -> Iterator[Fin
 def _corners(obj: SceneObject) -> np.ndarray | None:
     """Corners (8, 3) of a bounding box of a shape, mm in world coordinates; None if the extent is unknown."""
     if obj.plugin == PAD:
-        if not isinstance(obj.instance.pad, Pad):
+        if not isinstance(obj.instance.pad, Pad | Block):
             return None
         size = np.array(obj.instance.pad.extent)
         return apply(obj.instance.to_world, 0.5 * size * CORNERS + [0, 0, 0.5 * size[2]])

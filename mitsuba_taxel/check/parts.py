@@ -18,7 +18,7 @@ from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.pads import extents_in_file, refuse_finish
 from mitsuba_taxel.check.parameters import error_in, error_in_plugin
 from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
-from mitsuba_taxel.pads import PadFile
+from mitsuba_taxel.pads import Block, PadFile, check_block_size
 from mitsuba_taxel.pads.parametric.meshing import check_room
 from mitsuba_taxel.sensing.scene.description import NESTED_SCENE
 from mitsuba_taxel.sensing.scene.nested_parts import unused_parts
@@ -36,7 +36,7 @@ class UndeformedPad:
     ----------
     specification : DeformablePad
         Parameters of the pad.
-    pad, material : Pad or PadFile, Material
+    pad, material : AnyPad, Material
         See `load_path`.
     load : tuple[Load, tuple[float, ...]]
         The load and its value.
@@ -318,6 +318,9 @@ class _Maker:
             if isinstance(pad.pad, PadFile):
                 pad.extent, pad.cell_boxes = extents_in_file(pad.pad, specification.mesh_size)
                 cells = len(pad.cell_boxes)
+            elif isinstance(pad.pad, Block):
+                check_block_size(pad.pad, specification.mesh_size or pad.pad.default_mesh_size)
+                cells = 0
             else:
                 check_triangles(
                     specification.subdivision, LEAST_FACES * (len(numbers) or pad.pad.rows * pad.pad.columns)

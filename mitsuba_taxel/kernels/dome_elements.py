@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import mitsuba as mi
 
 from mitsuba_taxel.kernels.pad_limits import mirrors, regions_with
-from mitsuba_taxel.pads import Pad, PadFile
+from mitsuba_taxel.pads import AnyPad, Pad
 
 if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.elements.loads import Load
@@ -22,13 +22,13 @@ MOST_CELLS = 16
 memory."""
 
 
-def size_for_light(pad: Pad | PadFile, load: Load, walls: list[mi.BSDF]) -> float | None:
+def size_for_light(pad: AnyPad, load: Load, walls: list[mi.BSDF]) -> float | None:
     """Element size of a pad whose light needs smaller elements than the default: pads of domes, and of cells with
     mirrors.
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         Any pad.
     load : Load
         Load on the pad.
@@ -74,7 +74,7 @@ def fewer_triangles(subdivision: int, pad: Pad, mesh_size: float) -> int:
     return math.ceil(edge_ratio(pad, mesh_size) * subdivision)
 
 
-def edge_ratio(pad: Pad | PadFile, mesh_size: float) -> float:
+def edge_ratio(pad: AnyPad, mesh_size: float) -> float:
     """Length of the edges of elements on roofs, relative to the default.
 
     On domes it falls with the square of the size of smaller elements, down to `FINER_DOMES`; on other walls with the
@@ -82,7 +82,7 @@ def edge_ratio(pad: Pad | PadFile, mesh_size: float) -> float:
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
     mesh_size : float
         Size of its elements, mm.

@@ -6,7 +6,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.protocols import is_region
-from mitsuba_taxel.pads import REGIONS, Pad, PadFile
+from mitsuba_taxel.pads import REGIONS, AnyPad, Block, Pad
 
 MOST_TRIANGLES = 20_000_000
 LEAST_FACES = 15
@@ -14,6 +14,9 @@ LEAST_FACES = 15
 LEAST_OF_MIRRORS = 3
 """Least number of triangles along an element of a curved mirror. With fewer, neighbours differ by more than 20 degrees,
 and the error of reflections at grazing angles, up to some percent, exceeds that estimated from chords."""
+
+NO_ROOM = "cell = 'none' is not allowed with photo-reflectors, for which a block has no room"
+"""Beginning of the refusal of readings of a pad without cells."""
 
 
 def check_triangles(subdivision: int, faces: int) -> None:
@@ -61,14 +64,14 @@ def regions_with(bsdf: mi.BSDF, flags: mi.BSDFFlags) -> list[int]:
     return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & flags]
 
 
-def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> None:
+def check_mirrors(pad: AnyPad, codes: list[int], subdivision: int) -> None:
     """Raise for too few triangles on curved mirrors.
 
-    Pads from a surface file have flat walls; all walls of a solid may be curved.
+    Pads from a surface file have flat walls; all walls of a solid, and the top of a block, may be curved.
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
     codes : list[int]
         Codes of the regions whose walls are mirrors.
@@ -82,6 +85,8 @@ def check_mirrors(pad: Pad | PadFile, codes: list[int], subdivision: int) -> Non
     """
     if isinstance(pad, Pad):
         round_walls = list(pad.curved_regions)
+    elif isinstance(pad, Block):
+        round_walls = ["top"]
     else:
         round_walls = list(REGIONS) if pad.is_drawn else []
     names = [name for name in round_walls if REGIONS[name] in codes]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.finish import Finish
     from mitsuba_taxel.mechanics.surface.tessellation import Surface
     from mitsuba_taxel.mechanics.surface.wall_finishes import SeparateFinish
-    from mitsuba_taxel.pads import Pad, PadFile
+    from mitsuba_taxel.pads import AnyPad
     from mitsuba_taxel.parts import Side
     from mitsuba_taxel.specification.annular_led import AnnularLed
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
@@ -125,7 +125,7 @@ class PadShape(Protocol):
     current ones last), ``state`` and ``surface`` under the load, and the codes of the regions that are ``mirrors``."""
 
     specification: DeformablePad
-    pad: Pad | PadFile
+    pad: AnyPad
     material: Material
     load: Load
     value: Sequence[float]
@@ -153,7 +153,7 @@ class PadShape(Protocol):
     def deviating_places(self, fraction: float = 1.0) -> list[Places] | None: ...
     def curvature_errors(self, displacement: np.ndarray) -> np.ndarray: ...
     def moved_places(
-        self, state: State, pad: Pad | PadFile, chords: bool = False, curvature: np.ndarray | None = None
+        self, state: State, pad: AnyPad, chords: bool = False, curvature: np.ndarray | None = None
     ) -> Places: ...
     @property
     def is_loaded(self) -> bool: ...

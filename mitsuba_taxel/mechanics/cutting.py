@@ -146,7 +146,7 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
 
 
 def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
-    """Mask of the faces that are roofs or sides of given cells, which are subdivided finely.
+    """Mask of the faces that are roofs or sides of given cells, which are subdivided finely; without cells, of the top.
 
     Parameters
     ----------
@@ -161,6 +161,8 @@ def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
         One value of each face.
     """
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
+    if not in_cell.any():
+        return mesh.face_region == REGIONS["top"]
     return in_cell if cells is None else in_cell & np.isin(mesh.face_cell, cells)
 
 

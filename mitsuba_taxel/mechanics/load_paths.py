@@ -33,6 +33,8 @@ from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory, timed_rows
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
 from mitsuba_taxel.mechanics.memory_of_pads import refuse_too_large
+from mitsuba_taxel.pads.any_pad import AnyPad
+from mitsuba_taxel.pads.block import Block
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
 
@@ -42,7 +44,7 @@ MOST_BYTES = 4 * 2**30
 
 
 def load_path(
-    pad: Pad | PadFile,
+    pad: AnyPad,
     material: Material | Viscoelastic,
     values: Sequence[Sequence[float]] | np.ndarray,
     *,
@@ -64,7 +66,7 @@ def load_path(
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad, parametric or from a file.
     material : Material or Viscoelastic
         Silicone of the pad.
@@ -107,7 +109,7 @@ def load_path(
         message states the last value); or if memory does not suffice. If the load has ``self_contact``, the path
         continues after the contact.
     """
-    require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
+    require("pad", pad, (Pad, PadFile, Block), "a Pad, a PadFile or a Block")
     require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")
     require("load", load, Load, "a load, such as SpreadForce,")
     check_progress(progress)
@@ -143,7 +145,7 @@ def load_path(
 
 
 def state_after(
-    pad: Pad | PadFile,
+    pad: AnyPad,
     material: Material | Viscoelastic,
     values: Sequence[Sequence[float]] | np.ndarray,
     times: Sequence[float] | np.ndarray | None = None,
@@ -157,7 +159,7 @@ def state_after(
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
     material : Material or Viscoelastic
         Silicone of the pad.
@@ -188,7 +190,7 @@ def state_after(
 
 
 def state_at_rest(
-    pad: Pad | PadFile,
+    pad: AnyPad,
     material: Material | Viscoelastic,
     values: Sequence[Sequence[float]] | np.ndarray,
     times: Sequence[float] | np.ndarray | None = None,
@@ -201,7 +203,7 @@ def state_at_rest(
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
     material : Material or Viscoelastic
         Silicone of the pad.

@@ -6,13 +6,13 @@ from weakref import WeakValueDictionary
 
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
-from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.any_pad import AnyPad
 from mitsuba_taxel.pads.parametric.pad import Pad
 
 _IN_USE: WeakValueDictionary[str, VolumeMesh] = WeakValueDictionary()
 
 
-def pad_mesh(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
+def pad_mesh(pad: AnyPad, mesh_size: float) -> VolumeMesh:
     """The undeformed mesh of a pad, with elements of a size in mm, from disk or from the mesher.
 
     While it is in use, all callers get the same object, so that results that depend on the mesh alone are computed
@@ -20,7 +20,7 @@ def pad_mesh(pad: Pad | PadFile, mesh_size: float) -> VolumeMesh:
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
     mesh_size : float
         Length of the edges of elements, mm.

@@ -1,3 +1,7 @@
+from .any_pad import AnyPad as AnyPad
+from .block import Block as Block
+from .block_meshing import check_block_size as check_block_size
+from .block_meshing import mesh_block as mesh_block
 from .imported.rules import Rule as Rule
 from .pad_file import PadFile as PadFile
 from .pad_file import mesh_pad_file as mesh_pad_file

@@ -21,7 +21,8 @@ from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, fro
 from mitsuba_taxel.mechanics.materials.viscoelastic import Terms, Viscoelastic, prony_of
 from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, RandomRoughness
 from mitsuba_taxel.mechanics.surface.wall_finishes import SeparateFinish
-from mitsuba_taxel.pads import Pad, PadFile
+from mitsuba_taxel.pads import AnyPad, Block, Pad, PadFile
+from mitsuba_taxel.pads.cells import CellShape
 from mitsuba_taxel.parameters import (
     REQUIRED,
     Kinded,
@@ -51,13 +52,19 @@ WALL_FINISHES = ("roof_finish", "side_finish")
 
 MOST_TRACTION = 10.0
 """Largest force per area of a patch, relative to Young's modulus: above it, elements fold however small a step is."""
+NO_CELL = "none"
+"""Word for a pad without cells."""
 _NEO_HOOKEAN = ("material", "neo_hookean")
 _LOAD = ("load",)
 """Condition of the parameters of loads; each load lists the parameters that it uses."""
 
 
 def _of_pad(field: str) -> Any:
-    return field_of(Pad, field, without="filename")
+    return field_of(Pad, field, without="filename or width")
+
+
+def _of_block(field: str) -> Any:
+    return field_of(Block, field, when=("cell", NO_CELL))
 
 
 def _of_indenter(field: str) -> Any:
@@ -88,12 +95,17 @@ class DeformablePad(Specification, Kinded):
         needs="filename",
         default_words="flat faces at bottom and top, hollows, and the rest",
     )
-    cell: str | None = _of_pad("cell")
+    cell: str | None = kind(
+        Pad.cell, CellShape, "Shape of the cells.", also={NO_CELL: "a block without cells"}, without="filename"
+    )
     rows: int | None = _of_pad("rows")
     columns: int | None = _of_pad("columns")
     pitch: float | None = _of_pad("pitch")
     wall: float | None = _of_pad("wall")
-    height: float | None = _of_pad("height")
+    height: float | None = field_of(Pad, "height", without="filename")
+    width: float | None = _of_block("width")
+    depth: float | None = _of_block("depth")
+    top_radius: float | None = _of_block("top_radius")
     cell_size: float | None = _of_pad("cell_size")
     cell_height: float | None = _of_pad("cell_height")
     profile: str | None = _of_pad("profile")
@@ -259,16 +271,24 @@ class DeformablePad(Specification, Kinded):
 
     def _check(self) -> None:
         for name in ("finish", *WALL_FINISHES):
-            if self.filename is not None and getattr(self, name) not in ("smooth", None):
+            if getattr(self, name) in ("smooth", None):
+                continue
+            if self.filename is not None:
                 raise InputError(
                     f"filename is not allowed with {name} = {getattr(self, name)!r}: a finish needs a pad of this "
                     "package's cells, without filename."
+                )
+            if self.cell == NO_CELL:
+                raise InputError(
+                    f"cell = {NO_CELL!r} is not allowed with {name} = {getattr(self, name)!r}: a finish needs cells."
                 )
         if self.finish != "smooth" and self.roof_finish is not None and self.side_finish is not None:
             raise InputError(
                 f"finish = {self.finish!r} is not allowed with both roof_finish and side_finish, which leave no wall "
                 "for it."
             )
+        if self.cell == NO_CELL and self.read_cells != "all":
+            raise InputError(f"read_cells = {self.read_cells!r} is not allowed for cell = {NO_CELL!r}, without cells.")
         self.build_finish()
         self.cell_numbers()
         terms, (times, values) = self.build_prony(), self.build_history()
@@ -294,10 +314,10 @@ class DeformablePad(Specification, Kinded):
         if self.filename is None:
             self.build_pad()
 
-    def build_pad(self, find: Any = Path) -> Pad | PadFile:
+    def build_pad(self, find: Any = Path) -> AnyPad:
         """The undeformed pad; ``find`` converts names of files into paths."""
         if self.filename is None:
-            return Pad(**self._own(Pad))
+            return Block(**self._own(Block)) if self.cell == NO_CELL else Pad(**self._own(Pad))
         rules = () if self.regions is None else find(self.regions)
         return PadFile(find(self.filename), rules, **self._own(PadFile))
 

@@ -16,7 +16,7 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.dome_elements import edge_ratio, fewer_triangles, size_for_light
-from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, check_mirrors, check_triangles, mirrors
+from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, NO_ROOM, check_mirrors, check_triangles, mirrors
 from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, is_region
 from mitsuba_taxel.kernels.surfaces.cell_surface import CellSurface
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import (
@@ -28,7 +28,7 @@ from mitsuba_taxel.kernels.surfaces.mesh_adapter import (
     move_vertices,
 )
 from mitsuba_taxel.kernels.surfaces.regions import CONTACT
-from mitsuba_taxel.pads import REGIONS, Pad, PadFile
+from mitsuba_taxel.pads import REGIONS, AnyPad, Block, Pad, PadFile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,6 +58,11 @@ class DeformablePad(mi.Mesh):
     and flat, spherical and hemispheric roofs are exactly representable (:monosp:`Pad.as_profile` in Python gives their
     points). The side below the roof is straight. A frustum is a cone with a flat roof of the diameter
     :monosp:`roof_size`.
+
+    With :monosp:`cell = none` the pad is a block without cells, of :monosp:`width` x :monosp:`depth` x
+    :monosp:`height`, for a camera. Its bottom is the window, glued to a clear plate; its top, plane or a part of a
+    sphere, is the coat that the camera sees from inside. It has the regions :monosp:`bottom`, :monosp:`top` and
+    :monosp:`outer`.
 
     A finish is applied to the undeformed cells and moves with the deformation. Layer steps are treads at multiples of
     the layer height along the print direction, measured from the layer offset, with risers midway between them. The
@@ -130,6 +135,7 @@ class DeformablePad(mi.Mesh):
     def _solve(self, waits: bool) -> Surface:
         """The surface of the pad under its load; the undeformed surface if it ``waits`` for packages."""
         from mitsuba_taxel.mechanics import check_finish
+        from mitsuba_taxel.mechanics.cutting import in_cells
 
         with stages.stage("mechanics"):
             # Limits on triangles and finishes are checked before the solve. Smaller elements do not change the number
@@ -139,14 +145,13 @@ class DeformablePad(mi.Mesh):
                 least = LEAST_FACES * len(self.read_cells or self.pad.cell_centres)
                 check_triangles(subdivision, least)
             mesh = self.at_rest(self.judged_on).mesh
-            read = np.isin(mesh.face_cell, self.read_cells) if self.read_cells else mesh.face_cell > 0
-            check_triangles(subdivision, int(np.count_nonzero(read)))
+            check_triangles(subdivision, int(np.count_nonzero(in_cells(mesh, self.read_cells))))
             if self.finish is not None and isinstance(self.pad, Pad):
                 check_finish(self.finish, self.pad, mesh, subdivision)
             self.state = self.at_rest() if waits else self.state_under(self.value)
             return self._tessellated(self.state, self.pad)
 
-    def _tessellated(self, state: State, pad: Pad | PadFile) -> Surface:
+    def _tessellated(self, state: State, pad: AnyPad) -> Surface:
         """The triangulated surface of a state."""
         from mitsuba_taxel.mechanics import tessellate
 
@@ -218,7 +223,7 @@ class DeformablePad(mi.Mesh):
         return self._places(surface, np.where(touches[:, None], self.surface.facing, surface.facing))
 
     def moved_places(
-        self, state: State, pad: Pad | PadFile, chords: bool = False, curvature: np.ndarray | None = None
+        self, state: State, pad: AnyPad, chords: bool = False, curvature: np.ndarray | None = None
     ) -> Places:
         """Vertices of a state with slightly changed displacement or nodes, and of a pad with changed dimensions.
 
@@ -226,7 +231,7 @@ class DeformablePad(mi.Mesh):
         ----------
         state : State
             The changed state.
-        pad : Pad or PadFile
+        pad : AnyPad
             The pad of that state.
         chords : bool
             Whether vertices lie on the curved walls, so that triangles are chords.
@@ -342,6 +347,8 @@ class DeformablePad(mi.Mesh):
         InputError, ComputationError
             as of `load_path`: if the undeformed pad touches an obstacle, or if the load path ends.
         """
+        if isinstance(self.pad, Block):
+            raise InputError(f"{NO_ROOM}: a pad with cells is needed.")
         try:
             state = self.state_under(self.value, obstacles)
         except InputError as error:

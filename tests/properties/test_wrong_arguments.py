@@ -13,6 +13,7 @@ import mitsuba_taxel
 from mitsuba_taxel import (
     AnnularLed,
     ArrudaBoyce,
+    Block,
     Circuit,
     ComputationError,
     Grooves,
@@ -99,6 +100,7 @@ def calls(there):
         "MooneyRivlin": (MooneyRivlin, MooneyRivlin, {"c10": 0.1, "c01": 0.1}),
         "NeoHookean": (NeoHookean, NeoHookean, {}),
         "Ogden": (Ogden, Ogden, {"mu_1": 0.1, "alpha_1": 3.0}),
+        "Block": (Block, Block, {"width": 8.0, "depth": 6.0}),
         "Pad": (Pad, Pad, {}),
         "PadFile": (PadFile, PadFile, {"path": "nowhere.stl"}),
         "PadSensor": (sensor, PadSensor, {}),

@@ -24,8 +24,7 @@ from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
 from mitsuba_taxel.mechanics.equilibrium.feet import where_linear
 from mitsuba_taxel.mechanics.local_mesh import Refinement
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.parametric.pad import Pad
+from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class PadPath(PathStates):
@@ -45,7 +44,7 @@ class PadPath(PathStates):
 
     def __init__(
         self,
-        pad: Pad | PadFile,
+        pad: AnyPad,
         material: Material,
         load: Load,
         mesh_size: float,
@@ -249,7 +248,7 @@ class PadPath(PathStates):
 
 
 def pad_path(
-    pad: Pad | PadFile,
+    pad: AnyPad,
     material: Material,
     load: Load,
     mesh_size: float,
@@ -263,7 +262,7 @@ def pad_path(
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad, with lengths in mm.
     material : Material
         Elastic law of the silicone.

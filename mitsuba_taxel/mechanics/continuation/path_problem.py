@@ -23,21 +23,20 @@ from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 from mitsuba_taxel.mechanics.local_mesh import Refinement, mesh_under
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.meshes import pad_mesh
-from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.parametric.pad import Pad
+from mitsuba_taxel.pads.any_pad import AnyPad
 
 _LOCKS: WeakValueDictionary[str, Any] = WeakValueDictionary()
 _OF_LOCKS = threading.Lock()
 
 
-def lock_of(pad: Pad | PadFile) -> Any:
+def lock_of(pad: AnyPad) -> Any:
     """The lock of a pad. Its paths share meshes, factors and states, to which only one thread may add at a time.
 
     Paths of different pads share no data that changes, so threads can solve them concurrently.
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
 
     Returns
@@ -55,7 +54,7 @@ class PathProblem:
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
     material : Material
         Elastic law of the silicone.
@@ -77,7 +76,7 @@ class PathProblem:
 
     def __init__(
         self,
-        pad: Pad | PadFile,
+        pad: AnyPad,
         material: Material,
         load: Load,
         mesh_size: float,

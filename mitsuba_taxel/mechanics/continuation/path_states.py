@@ -26,8 +26,7 @@ from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.local_mesh import Refinement
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.parametric.pad import Pad
+from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class PathStates(PathProblem):
@@ -44,7 +43,7 @@ class PathStates(PathProblem):
 
     def __init__(
         self,
-        pad: Pad | PadFile,
+        pad: AnyPad,
         material: Material,
         load: Load,
         mesh_size: float,

@@ -13,7 +13,7 @@ from mitsuba_taxel.mechanics.continuation.path_problem import lock_of
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.errors.second_meshes import second_meshes
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.any_pad import AnyPad
 from mitsuba_taxel.pads.parametric.pad import Pad
 
 COARSEST = 0.35
@@ -24,7 +24,7 @@ MOST_ELEMENTS_TRIED = 100_000
 """Largest mesh tried: without symmetry, its solution takes some 10 GB."""
 
 
-def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance: float) -> float:
+def mesh_size_for(pad: AnyPad, material: Material, load: Load, tolerance: float) -> float:
     """The coarsest of a sequence of mesh sizes [mm] whose error is within ``tolerance`` under a small load.
 
     The error is ``relative`` of :class:`RoofError`, for the change from rest under a small normal load and, if the load
@@ -32,7 +32,7 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
     material : Material
         Silicone of the pad.
@@ -72,18 +72,18 @@ def mesh_size_for(pad: Pad | PadFile, material: Material, load: Load, tolerance:
     raise InputError(f"mesh_tolerance = {tolerance:g} is not allowed: {reached}.")
 
 
-def _height(pad: Pad | PadFile) -> float:
+def _height(pad: AnyPad) -> float:
     return pad.height if isinstance(pad, Pad) else float(np.ptp(pad.mesh(pad.default_mesh_size).points[:, 2]))
 
 
 def chosen_size(
-    pad: Pad | PadFile, material: Material, load: Load, size: float | None, tolerance: float | None
+    pad: AnyPad, material: Material, load: Load, size: float | None, tolerance: float | None
 ) -> float:
     """The mesh size: the given size, the size that a tolerance requires, or the pad's default.
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad.
     material : Material
         Elastic law of the silicone.

@@ -1,4 +1,4 @@
-"""Discretisation error where it affects light: displacement and slope of the roofs.
+"""Discretisation error where it affects light: displacement and slope of the roofs, or of the top without cells.
 
 A pad is solved on a second mesh, and the error is extrapolated from the difference (see
 `mitsuba_taxel.base.convergence`) with the actual ratio of element sizes, because thin walls and curves limit the
@@ -44,13 +44,18 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
         Ratio of the sizes, above 1 if the other mesh is coarser.
     """
     solid = (len(mesh.tets) / len(other.tets)) ** (1 / 3)
-    walls = (np.count_nonzero(mesh.face_cell) / np.count_nonzero(other.face_cell)) ** (1 / 2)
+    walls = (np.count_nonzero(_seen(mesh)) / np.count_nonzero(_seen(other))) ** (1 / 2)
     ratio = math.sqrt(solid * walls)
     if not _has_thin_roofs(mesh if ratio > 1 else other):
         return ratio
     above = (_elements_above_roofs(mesh) / _elements_above_roofs(other)) ** (1 / 3)
     faces = [np.count_nonzero(of_mesh.face_region == REGIONS["roof"]) for of_mesh in (mesh, other)]
     return min(ratio, math.sqrt(above * math.sqrt(faces[0] / faces[1])), key=lambda value: abs(math.log(value)))
+
+
+def _seen(mesh: VolumeMesh) -> np.ndarray:
+    """Mask (B,) of the faces that light sees: those of cells or, without cells, the top."""
+    return mesh.face_cell > 0 if mesh.face_cell.any() else mesh.face_region == REGIONS["top"]
 
 
 def _has_thin_roofs(mesh: VolumeMesh) -> bool:
@@ -123,7 +128,8 @@ class RoofComparison:
         ratio = size_ratio(mesh, other)
         # With e(h) = c h^p, e(r h) - e(h) = (r^p - 1) e(h), whether r is above 1 or below.
         self._average, self._local = (1 / (ratio**order - 1) for order in (ORDER, LOCAL_ORDER))
-        faces = mesh.faces[mesh.face_region == REGIONS["roof"]]
+        seen = _seen(mesh)
+        faces = mesh.faces[seen & np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["top"]))]
         nodes = mesh.points[faces]
         points = np.einsum("qa,fai->fqi", shape_functions(_BARYCENTRIC), nodes).reshape(-1, 3)
         along = [np.einsum("qa,fai->fqi", slopes, nodes).reshape(-1, 3) for slopes in shape_slopes(_BARYCENTRIC)]
@@ -138,7 +144,7 @@ class RoofComparison:
     def _walls_there(self) -> tuple[np.ndarray, sparse.csr_array]:
         """Nodes (W,) of the walls of cells, and weights (W, N') of the other mesh's nodal values for the values at
         these nodes."""
-        nodes = np.unique(self._mesh.faces[self._mesh.face_cell > 0])
+        nodes = np.unique(self._mesh.faces[_seen(self._mesh)])
         for mirror in self._images:
             nodes = nodes[mirror.side(self._mesh.points[nodes]) >= 0]
         weights = self._locator.locate(self._mesh.points[nodes], self._tolerance).weights

@@ -18,8 +18,7 @@ from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
 from mitsuba_taxel.mechanics.errors.roof_error import RoofComparison, size_ratio
 from mitsuba_taxel.mechanics.errors.second_meshes import compared, second_meshes
 from mitsuba_taxel.mechanics.materials.laws import Material
-from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.parametric.pad import Pad
+from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class SecondState(NamedTuple):
@@ -45,7 +44,7 @@ class SecondState(NamedTuple):
 
 
 def second_state(
-    pad: Pad | PadFile,
+    pad: AnyPad,
     material: Material,
     value: Sequence[float],
     *,
@@ -59,7 +58,7 @@ def second_state(
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         See :func:`load_path`.
     material : Material
         See :func:`load_path`.

@@ -13,9 +13,8 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.cutting import cut_faces, in_cells
 from mitsuba_taxel.mechanics.surface.tessellation import chosen_cells, knows_walls, placed
+from mitsuba_taxel.pads.any_pad import AnyPad
 from mitsuba_taxel.pads.imported.round_faces import round_walls
-from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.parametric.pad import Pad
 
 ROUND = 1e-6
 """Tolerance of nodal velocities, relative to the largest, for a wall that remains round."""
@@ -24,7 +23,7 @@ ROUND = 1e-6
 def surface_rates(
     state: State,
     subdivision: int,
-    pad: Pad | PadFile | None,
+    pad: AnyPad | None,
     displacement_rate: np.ndarray,
     shape_velocity: np.ndarray | None = None,
     cells: Sequence[int] | None = None,
@@ -37,7 +36,7 @@ def surface_rates(
         The deformed pad.
     subdivision : int
         See :func:`tessellate`.
-    pad : Pad or PadFile or None
+    pad : AnyPad or None
         See :func:`tessellate`.
     displacement_rate : (N, 3) ndarray
         Displacement rate of the nodes, as from :meth:`LinearisedState.by_value` and similar methods.

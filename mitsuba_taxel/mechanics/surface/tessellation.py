@@ -30,6 +30,8 @@ from mitsuba_taxel.mechanics.surface.wall_finishes import (
     has_vertical_sides,
     relief_of,
 )
+from mitsuba_taxel.pads.any_pad import AnyPad
+from mitsuba_taxel.pads.block import Block
 from mitsuba_taxel.pads.imported import round_faces
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
@@ -86,7 +88,7 @@ def tessellate(
     subdivision: int = 12,
     finish: Finish | SeparateFinish | None = None,
     cells: Sequence[int] | None = None,
-    pad: Pad | PadFile | None = None,
+    pad: AnyPad | None = None,
     cut_of: VolumeMesh | None = None,
 ) -> Surface:
     """Subdivide each curved face of the deformed pad into triangles.
@@ -104,7 +106,7 @@ def tessellate(
         see :class:`Relief`.
     cells : sequence of int, optional
         Numbers of the cells that are subdivided; by default all.
-    pad : Pad or PadFile, optional
+    pad : AnyPad, optional
         The pad, if it has round walls: the undeformed surface is then that of the walls rather than of their elements.
     cut_of : VolumeMesh, optional
         The mesh before it was moved, whose triangles are kept.
@@ -127,7 +129,7 @@ def tessellate(
     if finish is not None:
         require("finish", finish, (*KINDS, SeparateFinish), "LayerSteps, Grooves, RandomRoughness or SeparateFinish")
     if pad is not None:
-        require("pad", pad, (Pad, PadFile), "a Pad or a PadFile")
+        require("pad", pad, (Pad, PadFile, Block), "a Pad, a PadFile or a Block")
     if cut_of is not None:
         require("cut_of", cut_of, VolumeMesh, "the mesh before it was moved")
 
@@ -174,7 +176,7 @@ def contact_pressure_at_vertices(
     subdivision: int,
     finish: Finish | SeparateFinish | None = None,
     cells: Sequence[int] | None = None,
-    pad: Pad | PadFile | None = None,
+    pad: AnyPad | None = None,
 ) -> np.ndarray:
     """Pressure of an indenter at the vertices that :func:`tessellate` gives for the same arguments.
 
@@ -188,7 +190,7 @@ def contact_pressure_at_vertices(
         See :func:`tessellate`.
     cells : sequence of int, optional
         See :func:`tessellate`.
-    pad : Pad or PadFile, optional
+    pad : AnyPad, optional
         See :func:`tessellate`.
 
     Returns
@@ -242,7 +244,7 @@ def chosen_cells(
 
 
 @kept(2)  # the states of a path share their mesh
-def _relief(mesh: VolumeMesh, subdivision: int, finish: Finish | SeparateFinish, pad: Pad | PadFile | None) -> Relief:
+def _relief(mesh: VolumeMesh, subdivision: int, finish: Finish | SeparateFinish, pad: AnyPad | None) -> Relief:
     cut = cut_faces(mesh, subdivision)
     positions = _walls(mesh, subdivision, None, pad).vertices
     is_vertical = not isinstance(pad, Pad) or has_vertical_sides(pad)
@@ -290,7 +292,7 @@ def _walls(
     mesh: VolumeMesh,
     subdivision: int,
     cells: tuple[int, ...] | None,
-    pad: Pad | PadFile | None,
+    pad: AnyPad | None,
     cut_of: VolumeMesh | None = None,
 ) -> _Walls:
     # The smooth sheet of each face of a wall.
@@ -325,13 +327,13 @@ def _walls(
     return _Walls(positions, corners, unit(normals))
 
 
-def knows_walls(pad: Pad | PadFile | None) -> bool:
+def knows_walls(pad: AnyPad | None) -> bool:
     """Whether the exact round walls of a pad, which elements approximate by parabolas, are known."""
     return isinstance(pad, Pad) or (isinstance(pad, PadFile) and pad.is_drawn)
 
 
 def placed(
-    mesh: VolumeMesh, face: np.ndarray, points: np.ndarray, pad: Pad | PadFile | None
+    mesh: VolumeMesh, face: np.ndarray, points: np.ndarray, pad: AnyPad | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move points of faces onto the exact walls of a pad, if they are known.
 
@@ -343,7 +345,7 @@ def placed(
         Face of each point.
     points : (n, 3) ndarray
         Positions in mm.
-    pad : Pad or PadFile or None
+    pad : AnyPad or None
         Pad with the walls.
 
     Returns
@@ -361,7 +363,7 @@ def placed(
     return points, np.broadcast_to(np.eye(3), (len(points), 3, 3))
 
 
-def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool:
+def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: AnyPad) -> bool:
     """Whether walls, the ``chosen`` faces of a mesh, meet at sharp edges or are not connected.
 
     Parameters
@@ -370,7 +372,7 @@ def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool
         Mesh of the undeformed pad.
     chosen : (n,) ndarray of int
         Numbers of faces.
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad of these walls.
 
     Returns
@@ -382,7 +384,7 @@ def have_edges(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile) -> bool
     return bool(smooth_sheets(mesh.faces[chosen, :3], normals, np.zeros_like(chosen), CREASE).any())
 
 
-def _side_normals(mesh: VolumeMesh, chosen: np.ndarray, pad: Pad | PadFile | None) -> np.ndarray:
+def _side_normals(mesh: VolumeMesh, chosen: np.ndarray, pad: AnyPad | None) -> np.ndarray:
     """Unit normals (F, 3, 3) of the ``chosen`` faces at the middles of their sides."""
     middles = 0.5 * (np.eye(3) + np.roll(np.eye(3), -1, axis=0))
     normals = []

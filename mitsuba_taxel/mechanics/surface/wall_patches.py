@@ -12,7 +12,7 @@ from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.point_locator import Location, locator_of
 from mitsuba_taxel.mechanics.surface.tessellation import placed
-from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.any_pad import AnyPad
 from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.pads.parametric.velocities import mesh_velocity, rate_by
 
@@ -34,7 +34,7 @@ class WallPatches:
         Undeformed mesh, at whose nodes the displacement is known.
     walls : VolumeMesh
         Mesh of the same pad, whose faces are the patches.
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad with the undeformed round walls.
     faces : (F,) ndarray
         Numbers of the faces of ``walls``, which belong to one cell.
@@ -46,7 +46,7 @@ class WallPatches:
 
     elements: VolumeMesh
     walls: VolumeMesh
-    pad: Pad | PadFile
+    pad: AnyPad
     faces: np.ndarray
     cell: int
     lattice: np.ndarray
@@ -104,7 +104,7 @@ class WallPatches:
         tolerance = BESIDE * np.ptp(self.elements.points[:, 2])
         return locator_of(self.elements).locate(self.rest.reshape(-1, 3), tolerance)
 
-    def _shift(self, pad: Pad | PadFile) -> np.ndarray:
+    def _shift(self, pad: AnyPad) -> np.ndarray:
         own_cell = int(self.walls.face_cell[self.faces[0]])
         if own_cell == self.cell:
             return np.zeros(3)
@@ -112,7 +112,7 @@ class WallPatches:
         (x, y), (x0, y0) = pad.cell_centres[self.cell - 1], pad.cell_centres[own_cell - 1]
         return np.array([x - x0, y - y0, 0.0])
 
-    def _placed(self, nodes: np.ndarray, pad: Pad | PadFile) -> np.ndarray:
+    def _placed(self, nodes: np.ndarray, pad: AnyPad) -> np.ndarray:
         shapes = shape_functions(np.column_stack([1 - self.lattice.sum(axis=1), self.lattice]))
         points = np.einsum("kn,fnc->fkc", shapes, nodes[self.walls.faces[self.faces]])
         face = np.repeat(self.faces, len(self.lattice))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import Material, Viscoelastic
     from mitsuba_taxel.mechanics.continuation.state import State
     from mitsuba_taxel.mechanics.materials.silicones import Silicone
-    from mitsuba_taxel.pads import Pad, PadFile
+    from mitsuba_taxel.pads import Block, Pad, PadFile
     from mitsuba_taxel.sensing import PadSensor, Readings, Scene
 
 MOST_LINES = 10
@@ -92,6 +92,15 @@ def _pad_html(pad: Pad) -> str:
 
     count = f"{pad.rows} x {pad.columns} {pad.cell} cells"
     return _framed(f"Pad: {count}", draw_pad(pad), _line("Section through the middle row, and plan; lengths in mm."))
+
+
+def _block_html(block: Block) -> str:
+    """A block's sections, with its dimensions."""
+    from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
+
+    mesh = block.mesh(block.default_mesh_size)
+    note = _line("Section through the middle, and plan; lengths in mm.")
+    return _framed("Pad: a block without cells", draw_surface(mesh.points, mesh.faces[:, :3]), note)
 
 
 def _pad_file_html(pad: PadFile) -> str:
@@ -292,6 +301,7 @@ def _cell(value: object) -> str:
 _VIEWS: dict[str, Callable[..., str]] = {
     "Pad": _pad_html,
     "PadFile": _pad_file_html,
+    "Block": _block_html,
     "Material": _material_html,
     "Viscoelastic": _viscoelastic_html,
     "Silicone": _silicone_html,

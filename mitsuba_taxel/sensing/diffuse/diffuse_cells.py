@@ -37,7 +37,7 @@ from mitsuba_taxel.transport.patches import LATTICE
 if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
-    from mitsuba_taxel.pads import PadFile
+    from mitsuba_taxel.pads import AnyPad
 
 MOST_FACES = 400
 """Limit of patches on the walls of a cell: time and memory grow with their square, to some 20 s and 4 GB."""
@@ -400,7 +400,7 @@ def _pad_of(scene: mi.Scene) -> PadShape:
 
 
 @kept(4)
-def _mesh_of(pad: Pad | PadFile, size: float) -> VolumeMesh:
+def _mesh_of(pad: AnyPad, size: float) -> VolumeMesh:
     """The mesh whose faces are the patches for the light."""
     from mitsuba_taxel.mechanics.meshes import pad_mesh
 
@@ -419,7 +419,7 @@ class _PadCells(NamedTuple):
     drawn: np.ndarray
 
 
-def _cells_of(mesh: VolumeMesh, pad: Pad | PadFile, scatters: np.ndarray) -> _PadCells:
+def _cells_of(mesh: VolumeMesh, pad: AnyPad, scatters: np.ndarray) -> _PadCells:
     """The cells of a pad; ``scatters`` (F,) are the faces of the mesh that scatter light."""
     if isinstance(pad, Pad):
         centres = np.array(pad.cell_centres)
@@ -431,7 +431,7 @@ def _cells_of(mesh: VolumeMesh, pad: Pad | PadFile, scatters: np.ndarray) -> _Pa
 
 
 @kept(32)
-def _have_edges(mesh: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...]) -> bool:
+def _have_edges(mesh: VolumeMesh, pad: AnyPad, faces: tuple[int, ...]) -> bool:
     """Whether faces of a mesh meet at sharp edges; cached for all cells with the same faces."""
     from mitsuba_taxel.mechanics.surface.tessellation import have_edges
 
@@ -440,7 +440,7 @@ def _have_edges(mesh: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...]) ->
 
 @kept(32)
 def _patches(
-    elements: VolumeMesh, walls: VolumeMesh, pad: Pad | PadFile, faces: tuple[int, ...], cell: int
+    elements: VolumeMesh, walls: VolumeMesh, pad: AnyPad, faces: tuple[int, ...], cell: int
 ) -> WallPatches:
     """Patches on faces of a mesh; cached for the states of a path, as their points are located in the elements."""
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches

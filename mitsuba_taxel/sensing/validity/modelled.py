@@ -8,6 +8,7 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.carriers import matrix_of
+from mitsuba_taxel.kernels.pad_limits import NO_ROOM
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.protocols import has_faces, is_owen_sobol, is_package, is_pad
 from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, wall_at, walls_of
@@ -60,6 +61,7 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
         )
     if getattr(integrator, "hide_emitters", False):
         raise InputError("hide_emitters is not allowed: light that goes straight to a sensor counts.", integrator)
+    _refuse_blocks(scene)
     _refuse_instances(scene)
     _refuse_walls_without_area(scene)
     _refuse_media(scene, plugin)
@@ -80,6 +82,15 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
     _refuse_unseen_indenters(scene)
     _refuse_moved_packages(scene)
     refuse_unknown_wavelength(scene, one_by_one=ours)
+
+
+def _refuse_blocks(scene: mi.Scene) -> None:
+    """Raise for a pad without cells, in which a photo-reflector has no room."""
+    for pad in filter(is_pad, scene.shapes()):
+        from mitsuba_taxel.pads import Block  # a scene without a pad omits it
+
+        if isinstance(pad.pad, Block):
+            raise InputError(f"{NO_ROOM}: a pad with cells is needed for readings.", pad)
 
 
 def _refuse_instances(scene: mi.Scene) -> None:

@@ -1,0 +1,8 @@
+"""The type of all pads."""
+
+from mitsuba_taxel.pads.block import Block
+from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.parametric.pad import Pad
+
+AnyPad = Pad | PadFile | Block
+"""A pad of cells, a pad from a file, or a block without cells."""
