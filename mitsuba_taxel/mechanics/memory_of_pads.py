@@ -12,7 +12,7 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.memory import free_memory
 from mitsuba_taxel.mechanics.meshes import is_meshed, pad_mesh
-from mitsuba_taxel.pads.pad_file import PadFile
+from mitsuba_taxel.pads.any_pad import AnyPad
 from mitsuba_taxel.pads.parametric.pad import Pad
 
 BYTES = 11e3
@@ -33,7 +33,7 @@ SURELY = 0.25
 
 
 def refuse_too_large(
-    pad: Pad | PadFile, mesh_size: float, load: Load, values: Sequence[Sequence[float] | np.ndarray] | None = None
+    pad: AnyPad, mesh_size: float, load: Load, values: Sequence[Sequence[float] | np.ndarray] | None = None
 ) -> None:
     """Refuse a pad whose solution does not fit into the free memory, before it is meshed.
 
@@ -42,7 +42,7 @@ def refuse_too_large(
 
     Parameters
     ----------
-    pad : Pad or PadFile
+    pad : AnyPad
         The pad; one from a file is not judged.
     mesh_size : float
         Size of the elements in mm.

@@ -40,10 +40,10 @@ def pad_mesh(pad: AnyPad, mesh_size: float) -> VolumeMesh:
     return _IN_USE.get(name) or _IN_USE.setdefault(name, VolumeMesh(**arrays))
 
 
-def is_meshed(pad: Pad | PadFile, mesh_size: float) -> bool:
+def is_meshed(pad: AnyPad, mesh_size: float) -> bool:
     """Whether the mesh of a pad with elements of a size in mm is on disk."""
     return cache.holds(_name(pad, mesh_size))
 
 
-def _name(pad: Pad | PadFile, mesh_size: float) -> str:
+def _name(pad: AnyPad, mesh_size: float) -> str:
     return cache.key("mesh", [pad.identity, mesh_size])
