@@ -10,6 +10,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from mitsuba_taxel.base.annotations import annotations_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.spelling import did_you_mean
 
@@ -117,7 +118,9 @@ def import_all(package: str, path: Iterable[str]) -> None:
 
 
 def _abstract_methods(cls: type) -> set[str]:
-    return {name for name in dir(cls) if getattr(getattr(cls, name, None), "__isabstractmethod__", False)}
+    # Looked up without evaluation: annotations, which are among the attributes, may name what is not imported.
+    members = ((name, inspect.getattr_static(cls, name, None)) for name in dir(cls))
+    return {name for name, member in members if getattr(member, "__isabstractmethod__", False)}
 
 
 def _missing_members(cls: type) -> list[str]:
@@ -125,7 +128,7 @@ def _missing_members(cls: type) -> list[str]:
     annotated = {
         name
         for base in cls.__mro__
-        for name, annotation in inspect.get_annotations(base).items()
-        if "ClassVar" in str(annotation) and not name.startswith("_") and not hasattr(cls, name)
+        for name, annotation in annotations_of(base).items()
+        if "ClassVar" in annotation and not name.startswith("_") and not hasattr(cls, name)
     }
     return sorted(_abstract_methods(cls) | annotated)

@@ -11,6 +11,7 @@ from dataclasses import Field, dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from mitsuba_taxel.base.annotations import annotations_of
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parameters.parameter import REQUIRED, Choice, Nested, Number, Parameter, named
@@ -49,7 +50,7 @@ class Checked:
         declared = {name: entry["parameter"] for name, entry in metadata.items() if "parameter" in entry}
         if declared and cls.__doc__:
             declared = _with_users({name: named(parameter, name) for name, parameter in declared.items()})
-            types = {name: str(kind).replace(" | None", ", optional") for name, kind in cls.__annotations__.items()}
+            types = {name: kind.replace(" | None", ", optional") for name, kind in annotations_of(cls).items()}
             rows = "\n".join(f"{name} : {types[name]}\n    {p.description_with_unit}" for name, p in declared.items())
             head, separator, rest = re.split(r"(\n\n(?:Raises|Notes)\n|$)", inspect.cleandoc(cls.__doc__), maxsplit=1)
             cls.__doc__ = "".join([head, "\n\nParameters\n----------\n", rows.replace("`", "``"), separator, rest])

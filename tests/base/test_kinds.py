@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from abc import abstractmethod
 from typing import ClassVar
 
@@ -82,6 +83,31 @@ def test_there_are_no_objects_of_incomplete_classes():
         with pytest.raises(TypeError, match="abstract .*perimeter"):
             incomplete()
     assert not inspect.isabstract(Whole) and Whole().area() == 2.0
+
+
+DEFERRED = """
+from typing import TYPE_CHECKING, ClassVar
+from mitsuba_taxel.base.kinds import Kind
+if TYPE_CHECKING:
+    from nowhere import Thing
+
+class Deferred(Kind, family="deferred"):
+    sides: ClassVar[int]
+    thing: Thing | None = None
+
+class Right(Deferred, name="right"):
+    sides = 4
+
+class Wrong(Deferred, name="wrong"):
+    pass
+"""
+
+
+@pytest.mark.skipif(sys.version_info < (3, 14), reason="this Python evaluates annotations at once")
+def test_annotations_may_name_what_only_type_checkers_import():
+    code = compile(DEFERRED, "deferred.py", "exec", dont_inherit=True)
+    with pytest.raises(TypeError, match="deferred 'wrong': Wrong lacks sides"):
+        exec(code, {"__name__": "deferred"})
 
 
 def test_a_name_that_is_taken_is_refused():
