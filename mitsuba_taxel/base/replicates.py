@@ -29,3 +29,28 @@ def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
         return np.full(np.delete(replicates.shape, axis), np.nan)
     first = np.take(replicates, [0], axis=axis)
     return (replicates - first).std(axis=axis, ddof=1) / math.sqrt(count)
+
+
+def largest_scatter_share(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
+    """Largest share that one replicate has in the sum of squared deviations from the mean.
+
+    Of 32 replicates with a normal distribution, one has more than half of the sum in 1 of 8600 cases. More than half
+    is therefore a sign of rare large values, such that :func:`standard_error` is uncertain.
+
+    Parameters
+    ----------
+    replicates : ndarray
+        Independent estimates of the same values, of any shape.
+    axis : int
+        Axis of the replicates.
+
+    Returns
+    -------
+    ndarray
+        From 0 to 1, without that axis; 0 if all replicates are equal.
+    """
+    squares = (replicates - replicates.mean(axis=axis, keepdims=True)) ** 2
+    total = squares.sum(axis=axis)
+    # The mean of equal replicates differs from them by rounding.
+    varies = np.ptp(replicates, axis=axis) > 0
+    return np.divide(squares.max(axis=axis), total, out=np.zeros_like(total), where=varies & (total > 0))

@@ -21,6 +21,7 @@ from mitsuba_taxel.base.arguments import (
 )
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.processes import stages
+from mitsuba_taxel.base.replicates import largest_scatter_share
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.kernels.walls import set_wavelength
@@ -69,6 +70,8 @@ if TYPE_CHECKING:
 
 LIGHT_ERROR = 0.005
 """Default relative standard error of the light."""
+MOST_OF_SCATTER = 0.5
+"""Share of one replicate in the scatter of all, above which rare paths are noted."""
 
 
 # The scene must be deleted, too, before another scene is traced: Dr.Jit finds its shapes while they are destroyed.
@@ -414,7 +417,7 @@ def crosstalk(
 
 
 def _remarks(result: Readings, light_error: float | None, target_error: float | None, points: int | None) -> list[str]:
-    """Remarks on targets that were missed, the mesh that was chosen, the time budget and dark taxels."""
+    """Remarks on targets that were missed, the mesh that was chosen, the time budget, dark taxels and rare paths."""
     notes = []
     if light_error is not None and light_error < result.relative_error < math.inf:
         notes.append(
@@ -439,6 +442,12 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
         limit = f": it may receive {missed:.1e} W (1 sigma)" if missed else ""
         limit = ": how much was missed is unknown" if math.isnan(missed) else limit
         notes.append(f"no light found on taxel {', '.join(map(str, result.taxel[dark]))}{limit}")
+    rare = largest_scatter_share(result.replicates) > MOST_OF_SCATTER
+    if rare.any():
+        notes.append(
+            f"few light paths carry much of the light on taxel {', '.join(map(str, result.taxel[rare]))}: one of "
+            f"{len(result.replicates)} randomisations has most of the scatter, and the light error is uncertain"
+        )
     return notes
 
 
