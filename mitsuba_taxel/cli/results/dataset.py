@@ -33,6 +33,10 @@ def _shares(ctx: click.Context, param: click.Parameter, value: str) -> tuple[flo
 )  # fmt: skip
 @seed_option
 @click.option("--parquet", is_flag=True, help="Also write the tables as Parquet; needs pyarrow.")
+@click.option("--hdf5", is_flag=True, help="Also write all tables as dataset.h5, with units; needs h5netcdf.")
+@click.option(
+    "--lerobot", is_flag=True, help="Also write the folder lerobot, in the layout of LeRobot 3.0; needs pyarrow."
+)
 @json_option
 @debug_option
 def command(
@@ -43,6 +47,8 @@ def command(
     split: tuple[float, ...],
     seed: int,
     parquet: bool,
+    hdf5: bool,
+    lerobot: bool,
     as_json: bool,
 ) -> None:
     """Write force and readings of the study in DIR as train.csv, validation.csv and test.csv, with a datasheet.
@@ -57,7 +63,15 @@ def command(
     from ..tables import print_json
 
     tables = training_set(
-        open_study(study), folder, noise=noise, copies=copies, split=split, seed=seed, parquet=parquet
+        open_study(study),
+        folder,
+        noise=noise,
+        copies=copies,
+        split=split,
+        seed=seed,
+        parquet=parquet,
+        hdf5=hdf5,
+        lerobot=lerobot,
     )
     rows = {name: len(table) for name, table in tables.items()}
     if as_json:

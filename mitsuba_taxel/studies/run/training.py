@@ -26,27 +26,33 @@ from mitsuba_taxel.base.arguments import (
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.base.units import FORCES
-from mitsuba_taxel.characterise.roles import with_forces_named
+from mitsuba_taxel.characterise.roles import roles_of_study, with_forces_named
 from mitsuba_taxel.electronics import Circuit
 from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.studies.plan.files import make_empty_folder
 from mitsuba_taxel.studies.store.datasheet import TrainingRecord, datasheet
 from mitsuba_taxel.studies.store.tables import check_parquet
+from mitsuba_taxel.studies.store.training_files import Column, TrainingPart, check_hdf5, write_hdf5, write_lerobot
 
 PARTS = ("train", "validation", "test")
 
+PLACES = ("indenter_x", "indenter_y", "patch_x", "patch_y")
+"""Roles of the parameters that are a place of contact."""
+NAMED = (*FORCES, *PLACES)
 LEAST_FORCES = 10
 """Smallest number of distinct forces that can be split into three useful parts."""
 
 
 class _TrainingRows(NamedTuple):
-    """Readings of jobs, one row each: parameters, power and its standard error (rows, taxels) in W, units by name."""
+    """Readings of jobs, one row each: parameters, power and its standard error (rows, taxels) in W, units by name, and
+    the number of the curve (rows,) in the study."""
 
     parameters: pd.DataFrame
     power: np.ndarray
     standard_error: np.ndarray
     units: dict[str, str]
+    path: np.ndarray
 
 
 def training_set(
@@ -58,6 +64,8 @@ def training_set(
     split: Sequence[float] = (0.7, 0.15, 0.15),
     seed: int = 0,
     parquet: bool = False,
+    hdf5: bool = False,
+    lerobot: bool = False,
 ) -> dict[str, pd.DataFrame]:
     """Tables of force and readings to train a calibration model on.
 
@@ -82,6 +90,11 @@ def training_set(
         Seed of split and noise, from 0 to 2**32 - 1.
     parquet : bool
         Whether to write each table as Parquet too.
+    hdf5 : bool
+        Whether to write all tables as ``dataset.h5`` too: a group for each part, with units.
+    lerobot : bool
+        Whether to write the folder ``lerobot`` too, in the layout of LeRobot 3.0: a curve of the study is an episode,
+        as far as its forces are in one part.
 
     Returns
     -------
@@ -98,10 +111,12 @@ def training_set(
         if a value is refused, the study holds too few forces, or the folder cannot be written to.
     """
     folder = None if output is None else path_of("output", output)
-    check_flags(parquet=parquet)
+    check_flags(parquet=parquet, hdf5=hdf5, lerobot=lerobot)
     sigma, relative = _read_noise(noise)
-    if parquet:
+    if parquet or lerobot:
         check_parquet()
+    if hdf5:
+        check_hdf5()
     studies = _scenes(study)
     first_study = next(iter(studies.values()))
     circuit = circuit_of_study(first_study)
@@ -133,8 +148,37 @@ def training_set(
         left_out = rows.parameters[~done]
         words = f"{100 * sigma:g}% of each reading" if relative else f"{sigma:g} W"
         making = TrainingRecord(words if sigma > 0 else "", circuit is not None, copies, seed)
-        _write(folder, tables, datasheet(studies, tables, making, left_out), parquet)
+        sheet = datasheet(studies, tables, making, left_out)
+        _write(folder, tables, sheet, parquet)
+        # Files with all parts, in which rows know their curve and their copy.
+        path, copy = np.tile(rows.path[done], copies), np.repeat(np.arange(copies), done.sum())
+        belongs = np.tile(subset[done], copies)
+        parts = {
+            name: TrainingPart(tables[name], path[belongs == number], copy[belongs == number])
+            for number, name in enumerate(PARTS)
+        }
+        columns = _described(tables[PARTS[0]], rows, first_study)
+        if hdf5:
+            write_hdf5(parts, columns, first_study.taxel.values, {"about": sheet}, folder / "dataset.h5")
+        if lerobot:
+            write_lerobot(parts, columns, folder / "lerobot")
     return tables
+
+
+def _described(table: pd.DataFrame, rows: _TrainingRows, study: xr.Dataset) -> dict[str, Column]:
+    """Name, unit and role of each column of a table that is not of a taxel, by its heading."""
+    headings = {_heading(name, rows.units): name for name in rows.parameters}
+    roles = {**roles_of_study(study), **{name: name for name in FORCES}}
+    return {
+        heading: Column(name, rows.units.get(name, ""), roles.get(name, "") if roles.get(name) in NAMED else "")
+        for heading, name in headings.items()
+        if heading in table
+    }
+
+
+def _heading(name: str, units: Mapping[str, str]) -> str:
+    """Heading of a parameter's column, with its unit."""
+    return f"{name}_{units[name]}" if units.get(name, "1") != "1" else name
 
 
 def _read_noise(noise: float | str) -> tuple[float, bool]:
@@ -207,7 +251,14 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
         np.concatenate([rows.power for rows in per_scene]),
         np.concatenate([rows.standard_error for rows in per_scene]),
         {name: unit for rows in per_scene for name, unit in rows.units.items()},
+        np.concatenate([rows.path + start for rows, start in zip(per_scene, _starts(per_scene), strict=True)]),
     )
+
+
+def _starts(per_scene: Sequence[_TrainingRows]) -> list[int]:
+    """Number of curves in the scenes before each scene."""
+    counts = [int(rows.path.max()) + 1 for rows in per_scene]
+    return [sum(counts[:number]) for number in range(len(counts))]
 
 
 def _rows_of(study: xr.Dataset) -> _TrainingRows:
@@ -219,12 +270,17 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
     for name, coordinate in one_each.coords.items():
         if name != "step":  # an index without a meaning
             values[name] = coordinate.broadcast_like(one_each).transpose(*dims).values.ravel()
+    # A curve is a combination of indices along all dimensions but that of the curve.
+    curve = study.attrs.get("curve", dims[0])
+    lengths = [1 if dim == curve else study.sizes[dim] for dim in dims]
+    path = np.broadcast_to(np.arange(math.prod(lengths)).reshape(lengths), power.shape[:-1]).ravel()
     count = power.shape[-1]
     return _TrainingRows(
         pd.DataFrame(values, index=range(one_each.size)),
         power.values.reshape(-1, count),
         study.standard_error.transpose(*power.dims).values.reshape(-1, count),
         {**dict.fromkeys(FORCES, "N"), **json.loads(study.attrs.get("units", "{}"))},
+        path,
     )
 
 
@@ -287,7 +343,7 @@ def _table(rows: _TrainingRows, columns: Mapping[str, np.ndarray], taxels: np.nd
     forces = _force_columns(rows.parameters)
     other_parameters = [name for name in rows.parameters if name not in forces]
     varied = [name for name in other_parameters if rows.parameters[name].nunique() > 1]
-    named = {name: f"{name}_{unit}" for name, unit in rows.units.items() if unit != "1"}
+    named = {name: _heading(name, rows.units) for name in rows.units}
     parameters = rows.parameters[[*forces, *varied]].rename(columns=named)
     frames = [
         pd.DataFrame(values, columns=[pattern.format(taxel) for taxel in taxels]) for pattern, values in columns.items()

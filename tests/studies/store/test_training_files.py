@@ -1,0 +1,141 @@
+"""Training sets as HDF5 and in the layout of LeRobot, read back by h5py, xarray, pandas and lerobot."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from mitsuba_taxel import Circuit, InputError
+from mitsuba_taxel.electronics import with_volts
+from mitsuba_taxel.studies.run.training import PARTS, training_set
+
+FORCE, PLACES, CELLS = -0.25 * np.arange(1.0, 31), np.array([-1.0, 0.0, 1.0]), ["a", "b"]
+TAXELS = np.array([1, 2])
+
+
+def study():
+    """Two taxels, whose readings in W tell force, place and cell by a closed form."""
+    power = reading(FORCE[:, None, None], PLACES[:, None], np.arange(2))
+    attributes = {
+        "scene": "ball.xml",
+        "parameters": json.dumps({"fx": "0.5", "push": "1", "spot": "0", "cell": "a"}),
+        "units": json.dumps({"spot": "mm", "push": "N"}),
+        "roles": json.dumps({"spot": ["indenter_x", 1], "push": ["fz", -1]}),
+        "forces": json.dumps({"push": ["fz", -1], "fx": ["fx", 1]}),
+        "versions": json.dumps({"mitsuba": "3.9.0"}),
+        "seed": 7,
+        "points": 64,
+        "notes": "",
+        "curve": "push",
+    }
+    dims = ["push", "spot", "cell", "taxel"]
+    return xr.Dataset(
+        {
+            "power": (dims, power),
+            "standard_error": (dims, 1e-3 * power),
+            "total_error": (dims, 1e-3 * power),
+            "seconds": (["push", "spot", "cell", "stage"], np.ones((30, 3, 2, 1))),
+        },
+        {"push": -FORCE, "spot": PLACES, "cell": CELLS, "taxel": TAXELS, "stage": ["optics"]},
+        attributes,
+    )
+
+
+def reading(fz, spot, cell):
+    """Power (..., taxels) of a force in N at a place in mm, in cell 0 or 1."""
+    fz, spot, cell = (np.asarray(values)[..., None] for values in (fz, spot, cell))
+    return 1e-4 * (1 + 0.1 * cell) * (2 + 0.1 * fz * (1 + 0.2 * np.array([1, -1]) * spot))
+
+
+def test_h5py_and_xarray_read_groups_with_units(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    tables = training_set(study(), tmp_path / "set", noise="0.5%", copies=2, hdf5=True)
+    with h5py.File(tmp_path / "set" / "dataset.h5") as file:
+        assert sorted(file) == sorted(PARTS) and "ball.xml" in file.attrs["about"]
+        units = {name: file[f"train/{name}"].attrs["units"] for name in ("fx", "fz", "spot", "power", "standard_error")}
+        assert units == {"fx": "N", "fz": "N", "spot": "mm", "power": "W", "standard_error": "W"}
+        for name, table in tables.items():
+            np.testing.assert_array_equal(file[f"{name}/power"][:], table[["power_1_W", "power_2_W"]])
+            np.testing.assert_array_equal(file[f"{name}/fz"][:], table["fz_N"])
+            assert file[f"{name}/cell"].asstr()[:].tolist() == table["cell"].tolist()
+    tree = xr.load_datatree(tmp_path / "set" / "dataset.h5", engine="h5netcdf")
+    train = tree["train"].to_dataset()
+    assert set(train["copy"].values) == {0, 1} and set(train["path"].values) == set(range(6))
+    # A path is one place and one cell, and noise is 0.5 % of the closed form.
+    for _, rows in train.groupby("path"):
+        assert len(set(rows["spot"].values)) == len(set(rows["cell"].values)) == 1
+    exact = reading(train["fz"].values, train["spot"].values, (train["cell"].values == "b").astype(float))
+    assert np.std(train["power"].values / exact - 1) == pytest.approx(0.005, rel=0.15)
+
+
+def test_voltages_are_in_it(tmp_path):
+    pytest.importorskip("h5netcdf")
+    volts = with_volts(study(), Circuit(supply=5.0, load_resistance=5e3, transfer=1.0, adc_bits=12))
+    tables = training_set(volts, tmp_path / "set", hdf5=True, lerobot=True)
+    tree = xr.load_datatree(tmp_path / "set" / "dataset.h5", engine="h5netcdf")
+    assert tree["test/voltage"].attrs["units"] == "V"
+    np.testing.assert_array_equal(tree["test/counts"], tables["test"][["counts_1", "counts_2"]])
+    info = json.loads((tmp_path / "set" / "lerobot" / "meta" / "info.json").read_text())
+    assert info["features"]["observation.voltage"]["names"] == ["voltage_1_V", "voltage_2_V"]
+
+
+def test_episodes_are_curves_in_their_order_with_named_features(tmp_path):
+    tables = training_set(study(), tmp_path / "set", noise="0.5%", copies=2, lerobot=True)
+    folder = tmp_path / "set" / "lerobot"
+    info = json.loads((folder / "meta" / "info.json").read_text())
+    names = {name: feature["names"] for name, feature in info["features"].items() if feature["names"]}
+    assert names == {
+        "observation.power": ["power_1_W", "power_2_W"],
+        "observation.wrench": ["fx_N", "fz_N"],
+        "observation.contact_place": ["spot_mm"],
+    }
+    # Episodes: 3 places, 2 cells and 2 copies in each part, without gaps in their numbers and frames.
+    episodes = pd.read_parquet(folder / "meta" / "episodes")
+    frames = pd.read_parquet(folder / "data")
+    assert info["splits"] == {"train": "0:12", "validation": "12:24", "test": "24:36"}
+    assert info["total_episodes"] == len(episodes) == 36 and info["total_frames"] == len(frames) == 360
+    assert frames["index"].tolist() == list(range(360))
+    for row in episodes.itertuples():
+        own = frames.iloc[row.dataset_from_index : row.dataset_to_index]
+        assert set(own.episode_index) == {row.episode_index} and own.frame_index.tolist() == list(range(row.length))
+        np.testing.assert_allclose(own.timestamp, own.frame_index / info["fps"], rtol=1e-6)
+        wrench, power = (np.stack(own[f"observation.{name}"].to_list()) for name in ("wrench", "power"))
+        assert (np.diff(wrench[:, 1]) < 0).all() and (wrench[:, 0] == 0.5).all()  # the curve, in its order
+        assert own["observation.contact_place"].nunique() == 1
+        cell = float(row.tasks[0] == "touch, cell = b")
+        exact = reading(wrench[:, 1], own["observation.contact_place"].to_numpy(float), np.full(len(own), cell))
+        assert np.abs(power / exact - 1).max() < 0.03
+    # Each part has the rows of its table.
+    for name, table in tables.items():
+        first, last = map(int, info["splits"][name].split(":"))
+        own = frames[frames.episode_index.between(first, last - 1)]
+        powers = np.stack(own["observation.power"].to_list())[:, 0]
+        np.testing.assert_array_equal(np.sort(powers), np.sort(table["power_1_W"].to_numpy(np.float32)))
+    statistics = json.loads((folder / "meta" / "stats.json").read_text())
+    wrench = np.stack(frames["observation.wrench"].to_list())
+    np.testing.assert_allclose(statistics["observation.wrench"]["mean"], wrench.mean(axis=0), rtol=1e-6)
+
+
+def test_lerobot_reads_it(tmp_path, monkeypatch):
+    pytest.importorskip("lerobot")
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    training_set(study(), tmp_path / "set", lerobot=True)
+    read = LeRobotDataset("local/taxel", root=tmp_path / "set" / "lerobot")
+    assert read.meta.total_episodes == 18 and len(read) == 180
+    frame = read[0]
+    assert frame["task"] == "touch, cell = a" and tuple(frame["observation.wrench"].shape) == (2,)
+    cell, place, wrench = 0.0, float(frame["observation.contact_place"]), frame["observation.wrench"].numpy()
+    np.testing.assert_allclose(frame["observation.power"], reading(wrench[1], place, np.array(cell)), rtol=1e-6)
+
+
+def test_what_is_missing_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr("mitsuba_taxel.studies.store.training_files.find_spec", lambda name: None)
+    with pytest.raises(InputError, match="HDF5 needs h5netcdf: pip install h5netcdf"):
+        training_set(study(), tmp_path / "set", hdf5=True)
+    assert not (tmp_path / "set").exists()
