@@ -14,7 +14,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.studies.plan.files import make_folder
 from mitsuba_taxel.studies.store.dataset import stage_totals
-from mitsuba_taxel.studies.store.netcdf import write_netcdf
+from mitsuba_taxel.studies.store.netcdf import read_netcdf, write_netcdf
 
 
 class MissingStudy(LookupError):
@@ -59,7 +59,7 @@ class PaperStudies:
         """
         file, request_text = self.folder / f"{name}.nc", json.dumps(request, sort_keys=True)
         if file.is_file():
-            stored = xr.load_dataset(file, engine="scipy")
+            stored = read_netcdf(file)
             if stored.attrs["request"] != request_text:
                 raise InputError(f"{file} belongs to a study with other settings: a new folder is needed.")
             return stored

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import xarray as xr
@@ -9,9 +10,10 @@ from xarray.backends import ScipyDataStore
 
 
 def write_netcdf(study: xr.Dataset, file: Path) -> None:
-    """Write a study to a NetCDF 3 file, byte for byte as ``study.to_netcdf`` does.
+    """Write a study to a NetCDF file as ``study.to_netcdf`` does: NetCDF 4 if h5netcdf is installed, else NetCDF 3.
 
-    ``to_netcdf`` imports all of Dask's scheduler where that is installed, which takes most of a second.
+    ``to_netcdf`` imports all of Dask's scheduler where that is installed, which takes most of a second. NetCDF 4 is
+    HDF5, which ``h5py`` reads as well; NetCDF 3 needs only scipy.
 
     Parameters
     ----------
@@ -25,5 +27,36 @@ def write_netcdf(study: xr.Dataset, file: Path) -> None:
     OSError
         if the file cannot be written.
     """
-    with ScipyDataStore(str(file), mode="w", lock=False) as store:
+    if find_spec("h5netcdf") is None:
+        with ScipyDataStore(str(file), mode="w", lock=False) as store:
+            study.dump_to_store(store)
+        return
+    from xarray.backends import H5NetCDFStore
+
+    with H5NetCDFStore.open(str(file), mode="w", lock=False) as store:
         study.dump_to_store(store)
+
+
+def read_netcdf(file: Path) -> xr.Dataset:
+    """A study that :func:`write_netcdf` wrote, with or without h5netcdf.
+
+    Parameters
+    ----------
+    file : Path
+        NetCDF file.
+
+    Returns
+    -------
+    xr.Dataset
+        The study, in memory.
+
+    Raises
+    ------
+    OSError
+        if the file cannot be read, or is NetCDF 4 and h5netcdf is not installed.
+    """
+    with open(file, "rb") as opened:
+        is_hdf5 = opened.read(4) == b"\x89HDF"
+    if is_hdf5 and find_spec("h5netcdf") is None:
+        raise OSError(f"{file} is NetCDF 4, which needs h5netcdf: pip install h5netcdf")
+    return xr.load_dataset(file, engine="h5netcdf" if is_hdf5 else "scipy")

@@ -66,7 +66,7 @@ def test_units_and_provenance(plate_study):
 def test_files_hold_the_study(plate_study):
     result, folder = plate_study
     assert {"power.png", "power.svg", "readings.csv", "readings.nc", "study.toml"} <= set(os.listdir(folder))
-    with xr.open_dataset(folder / "readings.nc", engine="scipy") as kept:
+    with xr.open_dataset(folder / "readings.nc") as kept:
         xr.testing.assert_identical(kept.load().drop_vars("law"), result.drop_vars("law"))
         assert list(kept.law.values) == list(result.law.values)
     lines = (folder / "readings.csv").read_text().splitlines()
