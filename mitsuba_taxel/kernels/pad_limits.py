@@ -64,6 +64,23 @@ def regions_with(bsdf: mi.BSDF, flags: mi.BSDFFlags) -> list[int]:
     return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & flags]
 
 
+def clear_regions(bsdfs: list[mi.BSDF]) -> list[int]:
+    """Codes of the regions whose wall is the BSDF ``null``, which light passes unchanged.
+
+    Parameters
+    ----------
+    bsdfs : list[mi.BSDF]
+        BSDFs of a pad.
+
+    Returns
+    -------
+    list[int]
+        Codes of `REGIONS`.
+    """
+    walls = [(name, wall) for bsdf in bsdfs if is_region(bsdf) for name, wall in bsdf.walls.items()]
+    return [REGIONS[name] for name, wall in walls if name in REGIONS and wall.class_name() == "Null"]
+
+
 def check_mirrors(pad: AnyPad, codes: list[int], subdivision: int) -> None:
     """Raise for too few triangles on curved mirrors.
 

@@ -16,7 +16,14 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.dome_elements import edge_ratio, fewer_triangles, size_for_light
-from mitsuba_taxel.kernels.pad_limits import LEAST_FACES, NO_ROOM, check_mirrors, check_triangles, mirrors
+from mitsuba_taxel.kernels.pad_limits import (
+    LEAST_FACES,
+    NO_ROOM,
+    check_mirrors,
+    check_triangles,
+    clear_regions,
+    mirrors,
+)
 from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, is_region
 from mitsuba_taxel.kernels.surfaces.cell_surface import CellSurface
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import (
@@ -112,6 +119,8 @@ class DeformablePad(mi.Mesh):
         elif self.load.self_contact and not is_region(walls[0]):
             name = next(name for name, value in props.objects() if value is walls[0])
             props[name] = make_plugin("region", **dict.fromkeys(REGIONS, walls[0]))
+        # Light passes through a null wall of a block, but rays to a light would end there: it gets no triangles.
+        self.clear = clear_regions(walls) if isinstance(self.pad, Block) else []
         self.mirrors = [code for wall in walls for code in mirrors(wall)]
         check_mirrors(self.pad, self.mirrors, self.subdivision)
 
@@ -156,7 +165,12 @@ class DeformablePad(mi.Mesh):
         from mitsuba_taxel.mechanics import tessellate
 
         cut_of = None if state.mesh is self.state.mesh else self.state.mesh
-        return tessellate(state, self.subdivision, self.finish, self.read_cells, pad, cut_of)
+        surface = tessellate(state, self.subdivision, self.finish, self.read_cells, pad, cut_of)
+        if not self.clear:
+            return surface
+        kept = ~np.isin(surface.region, self.clear)
+        by_triangle = {name: getattr(surface, name)[kept] for name in ("triangles", "region", "cell", "normals")}
+        return replace(surface, **by_triangle)
 
     def _places(self, surface: Surface, vertices: np.ndarray) -> Places:
         """Vertices and normals of the mesh.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import mitsuba as mi
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
@@ -15,6 +14,8 @@ from mitsuba_taxel.geometry.element_maps import curved_volume, worst_element
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing import Scene, measure
+
+import mitsuba as mi  # isort: skip
 
 PLANE, SQUARE, DOME = Block(20.0, 15.0, 4.0), Block(8.0, 8.0, 5.0), Block(20.0, 15.0, 4.0, top_radius=40.0)
 SQUARE_DOME = Block(8.0, 8.0, 5.0, top_radius=10.0)

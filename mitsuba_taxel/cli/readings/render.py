@@ -21,6 +21,9 @@ from ..options import (
     time_budget_option,
 )
 
+COLOURS = "llvm_ad_rgb"
+"""Variant for images, unless another one is set."""
+
 
 @click.command(short_help="Readings of one scene, with standard errors.")
 @click.argument("scene")
@@ -29,7 +32,9 @@ from ..options import (
 @points_option
 @time_budget_option
 @seed_option
-@click.option("-o", "--output", type=NewFile(".exr"), metavar="MAP.exr", help="Write an irradiance map.")
+@click.option(
+    "-o", "--output", type=NewFile(".exr"), metavar="MAP.exr", help="Write an irradiance map, or a camera's image."
+)
 @click.option("--audit", is_flag=True, help="Also account for the light: absorbed, detected, escaped.")
 @click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
 @click.option("--explain", is_flag=True, help="Also list work that this scene did not need.")
@@ -52,7 +57,7 @@ def command(
     circuit: Path | None,
     as_json: bool,
 ) -> None:
-    """Print the optical power on each phototransistor of SCENE, with its standard error."""
+    """Print the optical power on each phototransistor of SCENE, with its standard error; or write a camera's image."""
     from mitsuba_taxel import sensing
     from mitsuba_taxel.backend import wanted_variant, work_of_processor
     from mitsuba_taxel.sensing.measurement import measured
@@ -62,6 +67,12 @@ def command(
     electronics = tables.circuit_in(circuit)
     began = time.time()
     description = sensing.Scene.from_file(scene, **defines)
+    if description.has_camera():
+        others = {"--audit": audit, "--crosstalk": crosstalk, "--explain": explain, "--derivatives": derivatives}
+        others |= {"--circuit": circuit, "--time-budget": time_budget}
+        refused = [name for name in others if others[name]]
+        _render_image(description, target_error, points, seed, output, as_json, refused)
+        return
     with tables.progress_bar("pads and light"):
         readings, ready = measured(
             description,
@@ -103,6 +114,54 @@ def command(
         tables.say(f"taxel check {scene} may say why a taxel is dark.")
     if target_error is not None:
         tables.end_beyond_target(readings.notes)
+
+
+def _render_image(description, target_error, points, seed, output, as_json, refused) -> None:
+    """Write the image of the camera of a scene as EXR and PNG, and print what it holds."""
+    import os
+
+    import mitsuba as mi
+
+    from mitsuba_taxel.backend import check_backend
+    from mitsuba_taxel.base.errors import InputError
+    from mitsuba_taxel.sensing.camera import camera_image, write_image
+
+    from .. import tables
+
+    if refused:
+        raise InputError(f"{refused[0]} is not allowed for the image of a camera, only for readings.")
+    if not os.environ.get("MITSUBA_TAXEL_VARIANT"):
+        check_backend(COLOURS)
+        mi.set_variant(COLOURS)
+    with tables.progress_bar("image") as progress:
+        image = camera_image(description, samples=points, target_error=target_error, seed=seed, progress=progress)
+    file = output or Path(f"{Path(description.name).stem}.exr")
+    picture = write_image(image, file)
+    height, width, _ = image.radiance.shape
+    if as_json:
+        tables.print_json(
+            {
+                "file": str(file),
+                "picture": str(picture),
+                "size": [width, height],
+                "mean": image.radiance.mean(axis=(0, 1)).tolist(),
+                "relative_error": tables.known(image.relative_error),
+                "coat_share": float(image.coat.mean()),
+                "samples": image.samples,
+                "replicates": image.replicates,
+                "seed": image.seed,
+                "seconds": image.seconds,
+            }
+        )
+    else:
+        count = f"{image.replicates} replicates of {image.samples} samples"
+        tables.say(f"Image of {width} x {height} pixels: {file}, {picture}")
+        tables.say(f"The coat fills {image.coat.mean():.1%} of it.")
+        tables.say(f"Relative standard error of a pixel (root mean square): {image.relative_error:.2g}, from {count}.")
+        tables.say("The error of the finite elements is not part of it.")
+    if target_error is not None and not image.relative_error <= target_error:
+        reached = f"the relative error of a pixel is {image.relative_error:.2g}"
+        tables.end_beyond_target([f"target error {target_error:g} not reached: {reached}"])
 
 
 def _print_json(readings, volts, matrix, book, lines) -> None:

@@ -373,6 +373,24 @@ class Scene(Displayed):
             pad["mesh_size"] = self.mesh_size
         return state
 
+    @in_turn
+    def has_camera(self) -> bool:
+        """Whether the scene has a sensor of Mitsuba's own, such as a camera; nothing of it is built.
+
+        Returns
+        -------
+        bool
+            False also for a scene that is refused: the message comes when it is loaded.
+        """
+        import mitsuba as mi
+
+        try:
+            nodes = self.parsed(parser_config(activate_variant())).nodes
+        except (InputError, RuntimeError):
+            return False
+        sensors = [node.props.plugin_name() for node in nodes if node.type == mi.ObjectType.Sensor]
+        return any(name != "phototransistor" for name in sensors)
+
     @property
     def _own_parameters(self) -> dict[str, str]:
         """Parameters of the file, by name."""

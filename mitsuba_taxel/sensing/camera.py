@@ -1,0 +1,315 @@
+"""The image of a camera behind a pad without cells, with its standard error and its depth at each pixel.
+
+Light is traced by Mitsuba's own integrators. Independent replicates give the standard error.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.backend.plugin_objects import kind_of
+from mitsuba_taxel.base.arguments import check_seed, check_whole, is_number
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing
+from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
+from mitsuba_taxel.kernels.protocols import is_led, is_pad, is_phototransistor
+from mitsuba_taxel.pads.regions import REGIONS
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+SAMPLES, REPLICATES = 16, 16
+"""Default number of samples of each pixel and replicate, and number of replicates."""
+MOST_SAMPLES = 2**20
+"""Largest number of samples of each pixel and replicate."""
+BYTES_PER_SAMPLE = 400
+"""Memory of a path that is traced, measured with scenes of a few plugins."""
+PATHS_AT_ONCE = 2**21
+"""Largest number of paths that are traced at once, unless an image has more pixels."""
+MOST_SURFACES = 16
+"""Number of clear surfaces that the depth looks through."""
+MARGIN = 1.2
+"""Factor on the samples that a target error needs."""
+BRIGHTEST = 99.5
+"""Percentile of the image that is white in the PNG."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraImage:
+    """An image of a camera.
+
+    Attributes
+    ----------
+    radiance : (H, W, C) ndarray
+        Mean of the replicates, in the units of the scene's lights: red, green and blue, or one channel.
+    standard_error : (H, W, C) ndarray
+        Its standard error, 1 sigma.
+    depth : (H, W) ndarray
+        Distance of the first surface that is not clear from the plane of the camera, along its axis, at the centre of
+        each pixel, mm; NaN where there is none.
+    coat : (H, W) ndarray of bool
+        Whether this surface is the top of a pad without cells.
+    samples : int
+        Of each pixel and replicate.
+    replicates : int
+        Number of independent replicates.
+    seed : int
+        Of the random numbers.
+    seconds : float
+        Time of the light, s.
+    """
+
+    radiance: np.ndarray
+    standard_error: np.ndarray
+    depth: np.ndarray
+    coat: np.ndarray
+    samples: int
+    replicates: int
+    seed: int
+    seconds: float
+
+    @property
+    def relative_error(self) -> float:
+        """Root mean square of the relative standard errors of all pixels on the coat that are not black."""
+        mean, error = self.radiance[self.coat], self.standard_error[self.coat]
+        bright = mean > 0
+        return float(np.sqrt(np.square(error[bright] / mean[bright]).mean())) if bright.any() else math.nan
+
+
+@in_turn
+def camera_image(
+    scene: Scene | mi.Scene,
+    *,
+    samples: int | None = None,
+    target_error: float | None = None,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> CameraImage:
+    """The image of the camera of a scene.
+
+    Parameters
+    ----------
+    scene : Scene or mi.Scene
+        With one camera, lights of Mitsuba, one of its integrators, and a pad without cells.
+    samples : int, optional
+        Samples of each pixel and replicate, by default `SAMPLES`.
+    target_error : float, optional
+        Instead of samples, the `CameraImage.relative_error` to be reached; a pilot image, which does not enter the
+        result, gives the number of samples.
+    seed : int
+        Whole number from 0 to 2**32 - 1.
+    progress : Callable[[int, int], None], optional
+        Called with (replicates done, all replicates).
+
+    Returns
+    -------
+    CameraImage
+        Mean of `REPLICATES` replicates, with its error.
+
+    Raises
+    ------
+    InputError
+        if a value is not allowed, the scene has no camera or several, no light, an integrator or lights of
+        photo-reflectors, or an image larger than memory; or if the camera does not see the coat of a pad.
+    """
+    check_seed(seed)
+    if samples is not None and target_error is not None:
+        raise InputError("target_error and points exclude each other: give one of them.")
+    if samples is not None:
+        check_whole("points", samples, 1, MOST_SAMPLES)
+    if target_error is not None and not (is_number(target_error) and 0 < target_error < 1):
+        raise InputError(f"target_error = {target_error!r} is not allowed: a number between 0 and 1 is needed.")
+    live = scene.load() if isinstance(scene, Scene) else scene
+    camera = _camera_of(live)
+    _refuse_large(camera)
+    depth, coat = _depth(live, camera)
+    began = time.perf_counter()
+    count = samples or SAMPLES
+    image = _replicates(live, camera, count, seed, 0, progress)
+    if target_error is not None:
+        pilot = CameraImage(*image, depth, coat, count, REPLICATES, seed, 0.0)
+        error = pilot.relative_error
+        if error > target_error:
+            needed = math.ceil(MARGIN * count * (error / target_error) ** 2)
+            count = min(needed, MOST_SAMPLES)
+            image = _replicates(live, camera, count, seed, 1, progress)
+    return CameraImage(*image, depth, coat, count, REPLICATES, seed, time.perf_counter() - began)
+
+
+def _camera_of(scene: mi.Scene) -> mi.Sensor:
+    """The only camera of a scene whose image can be computed; raises `InputError`."""
+    cameras = [sensor for sensor in scene.sensors() if not is_phototransistor(sensor)]
+    if len(cameras) != 1 or len(scene.sensors()) != 1:
+        raise InputError(
+            f"the scene holds {len(cameras)} cameras and {len(scene.sensors()) - len(cameras)} phototransistors: a "
+            "single camera is needed for an image."
+        )
+    integrator = scene.integrator()
+    if integrator is None or traces_taxels(integrator):
+        raise InputError(
+            f"integrator {kind_of(integrator)} reads phototransistors: one of Mitsuba's own, such as path, is needed "
+            "for a camera.",
+            integrator,
+        )
+    if integrator.aov_names():
+        raise InputError(f"integrator {kind_of(integrator)} is not allowed: its image has other channels.")
+    if not scene.emitters():
+        raise InputError("the scene holds no light: at least one emitter is needed.")
+    for emitter in filter(is_led, scene.emitters()):
+        raise InputError(f"{kind_of(emitter)} is not modelled for cameras: use area, spot or point.", emitter)
+    return cameras[0]
+
+
+def _refuse_large(camera: mi.Sensor) -> None:
+    """Raise for a film whose image needs more memory than there is."""
+    from mitsuba_taxel.mechanics.elements.memory import free_memory
+
+    width, height = map(int, camera.film().crop_size())
+    needed, free = float(width) * height * BYTES_PER_SAMPLE, free_memory()
+    if needed > free:
+        raise InputError(
+            f"width = {width}, height = {height} of the film are not allowed: the image needs "
+            f"{needed / 2**30:.3g} GiB, and {free / 2**30:.3g} GiB are free."
+        )
+
+
+def _replicates(
+    scene: mi.Scene,
+    camera: mi.Sensor,
+    samples: int,
+    seed: int,
+    run: int,
+    progress: Callable[[int, int], None] | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard error (H, W, C) of independent images; their seeds are those of a ``run``."""
+    import mitsuba as mi
+
+    width, height = map(int, camera.film().crop_size())
+    at_once = max(1, min(samples, PATHS_AT_ONCE // (width * height)))
+    parts = [at_once] * (samples // at_once) + ([samples % at_once] if samples % at_once else [])
+    seeds = np.random.SeedSequence([seed, run]).generate_state(REPLICATES * len(parts)).reshape(REPLICATES, -1)
+    images = []
+    for done, own_seeds in enumerate(seeds.tolist(), start=1):
+        image = np.zeros(1)
+        for number, own_seed in zip(parts, own_seeds, strict=True):
+            rendered = np.array(mi.render(scene, sensor=camera, spp=number, seed=own_seed), dtype=float)
+            image = image + number / samples * rendered
+        images.append(image)
+        if progress is not None:
+            progress(done, REPLICATES)
+    stack = np.stack(images)[..., : 3 if images[0].shape[-1] > 3 else None]
+    if not np.isfinite(stack).all():
+        raise InputError("the image is not finite: sizes or powers in the scene differ too much.")
+    return stack.mean(axis=0), stack.std(axis=0, ddof=1) / math.sqrt(REPLICATES)
+
+
+def _depth(scene: mi.Scene, camera: mi.Sensor) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (H, W) in mm at the centres of pixels, and where the coat is seen; raises `InputError` if it is nowhere.
+
+    Clear surfaces, which only transmit, are passed, with refraction."""
+    import drjit as dr
+    import mitsuba as mi
+
+    film = camera.film()
+    width, height = map(int, film.crop_size())
+    pixel = dr.arange(mi.UInt32, width * height)
+    place = (mi.Point2f(mi.Float(pixel % width), mi.Float(pixel // width)) + 0.5) / mi.Vector2f(width, height)
+    ray, _ = camera.sample_ray(0.0, 0.5, place, mi.Point2f(0.5, 0.5))
+    context, going = mi.BSDFContext(), mi.Mask(True)
+    context.type_mask = mi.BSDFFlags.Null | mi.BSDFFlags.DeltaTransmission
+    hit = scene.ray_intersect(ray)
+    for _ in range(MOST_SURFACES):
+        going &= hit.is_valid()
+        sample, weight = hit.bsdf().sample(context, hit, 0.5, mi.Point2f(0.5, 0.5), going)
+        passes = mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null)
+        passes |= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaTransmission)
+        going &= passes & (dr.max(weight) > 0)
+        if not dr.any(going):
+            break
+        ray = dr.select(going, hit.spawn_ray(hit.to_world(sample.wo)), ray)
+        beyond = scene.ray_intersect(ray, going)
+        hit = dr.select(going, beyond, hit)
+    in_camera = camera.world_transform().inverse() @ hit.p
+    seen = np.array(hit.is_valid())
+    depth = np.where(seen, np.array(in_camera.z, dtype=float), math.nan)
+    on_pad, on_coat = np.zeros(width * height, dtype=bool), np.zeros(width * height, dtype=bool)
+    for pad in deformed_pads(scene):
+        is_hit = seen & np.array(hit.shape == mi.ShapePtr(pad))
+        code = np.rint(np.array(pad.eval_attribute_1("face_region", hit, mi.Mask(is_hit))))
+        on_pad |= is_hit
+        on_coat |= is_hit & (code == REGIONS["top"]) & (np.array(mi.Frame3f.cos_theta(hit.wi)) < 0)
+    if not any(map(is_pad, scene.shapes())):
+        raise InputError("the scene holds no deformable_pad: a camera needs one, with cell = 'none'.")
+    if not on_pad.any():
+        raise InputError("the camera sees nothing of the pad: turn it towards the pad, or take away what hides it.")
+    if not on_coat.any():
+        raise InputError(
+            "the camera does not see the coat, the top of the pad from inside: the window, region bottom, needs the "
+            "BSDF null."
+        )
+    _, weight = hit.bsdf().sample(mi.BSDFContext(), hit, 0.5, mi.Point2f(0.5, 0.5), mi.Mask(on_coat))
+    if not (np.array(dr.max(weight)) * on_coat > 0).any():
+        raise InputError(
+            "the coat reflects nothing to the inside: the BSDF of region top must reflect there, as twosided does."
+        )
+    return depth.reshape(height, width), on_coat.reshape(height, width)
+
+
+def write_image(image: CameraImage, file: Path) -> Path:
+    """Write an image as OpenEXR and, beside it, as PNG.
+
+    The channels of the EXR are ``R``, ``G`` and ``B``, or ``Y``; ``standard_error.R`` and so on; and ``depth`` in mm.
+    The PNG has the brightest pixels, those above a percentile of `BRIGHTEST`, in white.
+
+    Parameters
+    ----------
+    image : CameraImage
+        The image.
+    file : Path
+        OpenEXR file, which is replaced if it exists.
+
+    Returns
+    -------
+    Path
+        The PNG.
+
+    Raises
+    ------
+    InputError
+        if a file cannot be written.
+    """
+    import mitsuba as mi
+    import OpenEXR
+
+    names = "RGB" if image.radiance.shape[-1] == 3 else "Y"
+    channels = {name: image.radiance[..., k] for k, name in enumerate(names)}
+    channels |= {f"standard_error.{name}": image.standard_error[..., k] for k, name in enumerate(names)}
+    channels["depth"] = image.depth
+    pixels = {name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()}
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "units": "radiance in units of the lights; depth in mm",
+        "seed": str(image.seed),
+        "samples": str(image.samples),
+        "replicates": str(image.replicates),
+    }
+    with replacing(file) as temporary, OpenEXR.File(header, pixels) as exr:
+        exr.write(str(temporary))
+    white = float(np.percentile(image.radiance, BRIGHTEST))
+    shown = np.ascontiguousarray(np.clip(image.radiance / (white or 1.0), 0.0, 1.0), dtype=np.float32)
+    kind = mi.Bitmap.PixelFormat.RGB if len(names) == 3 else mi.Bitmap.PixelFormat.Y
+    picture = file.with_suffix(".png")
+    with replacing(picture) as temporary:
+        mi.Bitmap(shown).convert(kind, mi.Struct.Type.UInt8, srgb_gamma=True).write(str(temporary))
+    return picture
