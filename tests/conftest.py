@@ -130,7 +130,8 @@ def error_unknown_here(monkeypatch):
 
 def _leave_out_second_meshes(patch: pytest.MonkeyPatch) -> None:
     meshes = import_module("mitsuba_taxel.mechanics.errors.second_meshes").SecondMeshes
-    patch.setattr(meshes, "__iter__", lambda meshes: iter(()))
+    for others in ("__iter__", "coarsest"):
+        patch.setattr(meshes, others, lambda meshes: iter(()))
 
 
 @pytest.fixture(autouse=True, scope="session")

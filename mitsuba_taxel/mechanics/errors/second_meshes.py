@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
@@ -15,6 +15,7 @@ import numpy as np
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.convergence import COARSENING, ORDER, TYPICAL_ERROR
 from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.processes.activities import activity
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics import cache
@@ -29,6 +30,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.errors.roof_error import RoofComparison, size_ratio, top_ratio
 from mitsuba_taxel.mechanics.errors.shorter_reach import with_reach
 from mitsuba_taxel.mechanics.locate import carried
+from mitsuba_taxel.mechanics.memory_of_pads import refuse_too_large
 
 FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
 """Sizes of a second mesh, relative to the first, that are tried where a mesh of twice the size gives no error estimate:
@@ -36,10 +38,19 @@ thin walls and curves limit the mesher, and a coarse pad may not bear a load. Fo
 default size is tried first, and these are relative to it."""
 LITTLE_FINER = COARSENING**-0.5
 """Relative size that is tried first under an indenter, where elements are already small and numerous."""
+BETWEEN = 0.8
+"""Powers of it are the sizes of a second mesh, relative to elements larger than the default, that are tried before the
+default size where that has more than :data:`COSTLY` times as many elements."""
+COSTLY = 8.0
 LEAST_RATIO = 1.2
 """Least actual ratio of element sizes of two meshes for an error estimate."""
+COARSEST = (COARSENING, 1.5 * COARSENING, 2 * COARSENING)
+"""Sizes of a coarser second mesh, relative to the first, that are tried again where a finer one does not fit into
+memory or bear the load, with :data:`LEAST_RATIO_OF_COARSER`."""
+LEAST_RATIO_OF_COARSER = 1.1
+"""Least ratio for these: such an estimate is rough, up to four times the true error, but more than none."""
 MOST_ELEMENTS_COMPARED = 250_000
-"""Largest number of elements of a second mesh."""
+"""Largest number of elements of a second mesh that has more than the first."""
 
 Result = TypeVar("Result")
 
@@ -55,7 +66,7 @@ class SecondMeshes:
 
     def __init__(self, path: PadPath) -> None:
         self._path = path
-        self._known: dict[float, tuple[PadPath, RoofComparison] | None] = {}
+        self._known: dict[tuple[float, float], tuple[PadPath, RoofComparison] | None] = {}
 
     def __iter__(self) -> Iterator[tuple[PadPath, RoofComparison]]:
         path = self._path
@@ -63,12 +74,38 @@ class SecondMeshes:
         finer = FINER if path.load.indenter is None else (LITTLE_FINER, *FINER)
         coarser = path.judge.mesh_size if path.judge else COARSENING * path.mesh_size
         default = [start] if start < path.mesh_size else []
-        for size in (coarser, *default, *(relative_size * start for relative_size in finer)):
-            if size not in self._known:
-                self._known[size] = self._compared_with(size)
-            second = self._known[size]
+        yield from self._of_sizes([coarser])
+        if default and self._is_costly(start):
+            count = math.ceil(math.log(start / path.mesh_size) / math.log(BETWEEN))
+            yield from self._of_sizes(BETWEEN**power * path.mesh_size for power in range(1, count))
+        yield from self._of_sizes([*default, *(relative_size * start for relative_size in finer)])
+
+    def coarsest(self) -> Iterator[tuple[PadPath, RoofComparison]]:
+        """Coarser paths whose elements differ less, for where no other bears the load within memory."""
+        sizes = [relative_size * self._path.mesh_size for relative_size in COARSEST]
+        tried = [size for size in sizes if self._known.get((size, LEAST_RATIO))]
+        yield from self._of_sizes([size for size in sizes if size not in tried], LEAST_RATIO_OF_COARSER)
+
+    def _of_sizes(
+        self, sizes: Iterable[float], least_ratio: float = LEAST_RATIO
+    ) -> Iterator[tuple[PadPath, RoofComparison]]:
+        """Paths on elements of some sizes in mm that differ enough from those of the path."""
+        for size in sizes:
+            if (size, least_ratio) not in self._known:
+                self._known[size, least_ratio] = self._compared_with(size, least_ratio)
+            second = self._known[size, least_ratio]
             if second is not None:
                 yield second
+
+    def _is_costly(self, mesh_size: float) -> bool:
+        """Whether elements of a size in mm are many times as many as those of the path."""
+        path = self._path
+        try:
+            with memory_for("a second mesh"):
+                refuse_too_large(path.pad, mesh_size, path.load)
+                return len(path.on_elements(mesh_size).mesh.tets) > COSTLY * len(path.mesh.tets)
+        except (ComputationError, InputError):
+            return True
 
     def first(self, compare: Callable[[PadPath, RoofComparison], Result]) -> Result | None:
         """Result of the comparison with the first other path that bears the load within memory; None if none does.
@@ -79,13 +116,15 @@ class SecondMeshes:
             Solves the load on the path on another mesh, and compares; raises `ComputationError` where it does not bear
             the load.
         """
-        for second, comparison in self:
-            try:
-                with memory_for("a second mesh"):
-                    return compare(second, comparison)
-            except ComputationError:  # its path ends before this load, or memory does not suffice
-                if second.mesh_size < self._path.mesh_size:
-                    break  # finer meshes would fail too, after more time
+        for meshes in (self, self.coarsest()):
+            for second, comparison in meshes:
+                size = second.mesh_size
+                try:
+                    with memory_for("a second mesh"), activity(f"solving a second mesh, elements of {size:.3g} mm"):
+                        return compare(second, comparison)
+                except ComputationError:  # its path ends before this load, or memory does not suffice
+                    if size < self._path.mesh_size:
+                        break  # finer meshes would fail too, after more time
         return None
 
     def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> StateComparison:
@@ -127,17 +166,19 @@ class SecondMeshes:
         result = self.first(compare) or StateComparison()
         return with_reach(path, result, value, displacement, pressure) if path.load.self_contact else result
 
-    def _compared_with(self, mesh_size: float) -> tuple[PadPath, RoofComparison] | None:
+    def _compared_with(self, mesh_size: float, least_ratio: float) -> tuple[PadPath, RoofComparison] | None:
         """The path on elements of another size; None without such a mesh, or if the actual sizes differ too little."""
         path = self._path
         judge = path.judge
         second = judge if judge and judge.mesh_size == mesh_size else path.on_elements(mesh_size)
         try:
             with memory_for("a second mesh"):
+                refuse_too_large(path.pad, mesh_size, path.load)
                 ratio = size_ratio(path.mesh, second.mesh)
         except (ComputationError, InputError):
             return None
-        if max(ratio, 1 / ratio) < LEAST_RATIO or len(second.mesh.tets) > MOST_ELEMENTS_COMPARED:
+        most = max(MOST_ELEMENTS_COMPARED, len(path.mesh.tets))
+        if max(ratio, 1 / ratio) < least_ratio or len(second.mesh.tets) > most:
             return None
         least = self.typical(TYPICAL_ERROR)
         here, there = path.images, second.images

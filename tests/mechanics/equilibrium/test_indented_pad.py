@@ -326,6 +326,7 @@ def test_meshes_finer_than_one_whose_path_ends_are_not_tried(monkeypatch):
 
     others = [Ends(2 * SIZE), Ends(0.7 * SIZE), Ends(0.5 * SIZE)]
     monkeypatch.setattr(SecondMeshes, "__iter__", lambda meshes: iter([(other, None) for other in others]))
+    monkeypatch.setattr(SecondMeshes, "coarsest", lambda meshes: iter(()))
     (state,) = pressed((0, 0, -0.2))
     assert state.error is None and state.deviations is None
     assert [other.asked for other in others] == [True, True, False]

@@ -90,7 +90,8 @@ def test_the_least_error_goes_with_the_size_to_the_power_of_one_and_a_half(fresh
 
 
 def test_no_second_mesh_is_none_rather_than_no_error(fresh, monkeypatch):
-    monkeypatch.setattr(SecondMeshes, "__iter__", lambda self: iter(()))
+    for meshes in ("__iter__", "coarsest"):
+        monkeypatch.setattr(SecondMeshes, meshes, lambda self: iter(()))
     assert second_state(PAD, NeoHookean(), FORCE, mesh_size=2.0) is None
 
 
