@@ -20,7 +20,13 @@ from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.sensing.reading.darkness import dark_errors, may_be_lit
-from mitsuba_taxel.sensing.reading.facets import curved_pads, tilt_share, with_chords
+from mitsuba_taxel.sensing.reading.facets import (
+    curved_pads,
+    has_random_heights,
+    tilt_share,
+    with_blunt_heights,
+    with_chords,
+)
 from mitsuba_taxel.sensing.reading.mechanics_error import combined, mechanics_deviations
 from mitsuba_taxel.sensing.reading.prepared_scenes import (
     FLAT,
@@ -88,7 +94,8 @@ in nearly all scenes."""
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
-    """Error of a scene's readings by facets: by their positions (from two short traces) and by their tilts.
+    """Error of a scene's readings by facets: by their positions and by random heights (from a short trace each, beside
+    that of the readings), and by their tilts.
 
     The number of points is chosen as in :func:`mechanics_of`.
 
@@ -106,25 +113,33 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
     Returns
     -------
     FacetsEstimate
-        Changes of readings in W by positions and tilts, the relative error, and the pilot run.
+        Changes of readings in W by positions, heights and tilts, the relative error, and the pilot run.
     """
-    if not curved_pads(ready.scene):
+    is_curved, is_random = bool(curved_pads(ready.scene)), has_random_heights(ready.scene)
+    if not (is_curved or is_random):
         return FLAT
     ready = ready._replace(paired=None)  # triangles of this scene are moved, not those of its base state
-    tilt = tilt_share(ready.scene)
-    pilot, chords = (Run(ready, derived_seed(seed, 1)) for _ in range(2))
+    tilt = tilt_share(ready.scene) if is_curved else 0.0
+    movements = [with_chords] * is_curved + [with_blunt_heights] * is_random
+    pilot, *runs = (Run(ready, derived_seed(seed, 1)) for _ in range(1 + len(movements)))
     points = GEOMETRY_POINTS
     while True:
         pilot.extend_to(points)
-        with with_chords(ready.scene):
-            chords.extend_to(points)
-        changes, power = chords.powers - pilot.powers, pilot.powers.mean(axis=0)
-        facets = changes.mean(axis=0)
-        error, noise = (geometry_share(change, power) for change in (facets, standard_error(changes)))
-        factor = _factor_of_points(error, noise, tolerance)
+        power, facets, factor = pilot.powers.mean(axis=0), [], 1
+        for movement, run in zip(movements, runs, strict=True):
+            with movement(ready.scene):
+                run.extend_to(points)
+            changes = run.powers - pilot.powers
+            facets.append(changes.mean(axis=0))
+            error, noise = (geometry_share(change, power) for change in (facets[-1], standard_error(changes)))
+            factor = max(factor, _factor_of_points(error, noise, tolerance))
         if factor == 1 or points >= most:
-            both = np.copysign(np.hypot(facets, tilt / FACETS_SHARE * power), facets)
-            return FacetsEstimate(both, geometry_share(both, power), pilot)
+            if is_random:  # this change may be below its noise, which is then the error that is known
+                facets[-1] = np.copysign(np.hypot(facets[-1], standard_error(changes)), facets[-1])
+            all_of_them = np.sqrt(sum(np.square([*facets, tilt / FACETS_SHARE * power])))
+            heights = geometry_share(facets[-1], power) if is_random else 0.0
+            signed = np.copysign(all_of_them, facets[0])
+            return FacetsEstimate(signed, geometry_share(signed, power), pilot, heights)
         points = min(points * factor, most)
 
 
@@ -292,7 +307,7 @@ def prepare_for(
         if len(meshes) == MOST_MESHES or not isinstance(scene, Scene):
             break
         if errors.power is None:
-            target, error = MECHANICS_SHARE * target_error, errors.share
+            target, error = MECHANICS_SHARE * target_error, errors.refinable_share
         else:
             target, error = math.sqrt(max(target_error**2 - errors.light_share**2, 0.0)), errors.mechanics.share
         meshes.append((smallest_mesh_size(ready), error))

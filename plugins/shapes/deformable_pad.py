@@ -160,12 +160,12 @@ class DeformablePad(mi.Mesh):
             self.state = self.at_rest() if waits else self.state_under(self.value)
             return self._tessellated(self.state, self.pad)
 
-    def _tessellated(self, state: State, pad: AnyPad) -> Surface:
-        """The triangulated surface of a state."""
+    def _tessellated(self, state: State, pad: AnyPad, finish: Any = None) -> Surface:
+        """The triangulated surface of a state, with the finish of the pad or another one."""
         from mitsuba_taxel.mechanics import tessellate
 
         cut_of = None if state.mesh is self.state.mesh else self.state.mesh
-        surface = tessellate(state, self.subdivision, self.finish, self.read_cells, pad, cut_of)
+        surface = tessellate(state, self.subdivision, finish or self.finish, self.read_cells, pad, cut_of)
         if not self.clear:
             return surface
         kept = ~np.isin(surface.region, self.clear)
@@ -270,6 +270,15 @@ class DeformablePad(mi.Mesh):
     def chords(self) -> Places:
         """Vertices on the curved walls, so that triangles are chords."""
         return self._places(self.surface, self.surface.vertices)
+
+    def blunt_heights(self) -> Places | None:
+        """Vertices with random heights that are less steep, by a multiple of what triangles lose; None without them."""
+        if self.finish is None:
+            return None
+        from mitsuba_taxel.mechanics.surface.wall_finishes import with_blunt_heights
+
+        blunt = with_blunt_heights(self.finish)
+        return None if blunt is None else self._kept_in_contact(self._tessellated(self.state, self.pad, blunt))
 
     def closed(self) -> mi.Mesh:
         """The surface as a mesh whose triangles share vertices, also with mirrors."""

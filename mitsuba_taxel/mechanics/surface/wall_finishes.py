@@ -73,6 +73,28 @@ def by_walls(finish: Finish | SeparateFinish) -> list[tuple[Finish, tuple[str, .
     return sorted(walls, key=lambda wall: [isinstance(wall[0], kind) for kind in KINDS].index(True))
 
 
+def with_blunt_heights(finish: Finish | SeparateFinish | None) -> Finish | SeparateFinish | None:
+    """A finish whose random heights are less steep, by a multiple of what triangles lose.
+
+    Parameters
+    ----------
+    finish : Finish or SeparateFinish or None
+        Finish of the mould.
+
+    Returns
+    -------
+    Finish or SeparateFinish or None
+        The finish with `BluntHeights`; None if it has no random heights.
+    """
+    if isinstance(finish, RandomRoughness):
+        return finish.blunt
+    if isinstance(finish, SeparateFinish):
+        for name, wall in (("roof", finish.roof), ("side", finish.side)):
+            if isinstance(wall, RandomRoughness):  # at most one: both walls have different kinds
+                return replace(finish, **{name: wall.blunt})
+    return None
+
+
 def relief_of(finish: Finish | SeparateFinish, smooth: SmoothSurface) -> Relief:
     """The rough surface of a pad.
 

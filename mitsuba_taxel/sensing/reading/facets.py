@@ -1,8 +1,10 @@
-"""Error of readings by the facets of curved walls.
+"""Error of readings by the facets of curved walls, and by those of random heights.
 
 Light is traced once more with triangles that are chords. The triangles used for readings match the walls on average:
 the remaining error is of the same order in their size as the correction, and a small part of it. That is so as long as
 light falls on many triangles, whose tilts cancel out; for narrow beams these are an error of their own.
+
+Random heights lose a part of their slopes between the vertices; light is traced once more with a multiple of that loss.
 """
 
 from __future__ import annotations
@@ -42,6 +44,26 @@ def with_chords(scene: mi.Scene) -> Iterator[None]:
         chords = [pad.chords() for pad in pads]
     with moved(scene, pads, chords):
         yield
+
+
+@contextmanager
+def with_blunt_heights(scene: mi.Scene) -> Iterator[None]:
+    """Temporarily make random heights of walls less steep, by `1 / FACETS_SHARE` times what triangles lose."""
+    with stages.stage("load"):
+        blunt = [(pad, pad.blunt_heights()) for pad in deformed_pads(scene)]
+    rough = [(pad, places) for pad, places in blunt if places is not None]
+    with moved(scene, [pad for pad, _ in rough], [places for _, places in rough]):
+        yield
+
+
+def has_random_heights(scene: mi.Scene) -> bool:
+    """Whether walls have random heights, between which triangles are linear."""
+    pads = [pad for pad in deformed_pads(scene) if pad.finish is not None]
+    if not pads:
+        return False
+    from mitsuba_taxel.mechanics.surface.wall_finishes import with_blunt_heights as blunted
+
+    return any(blunted(pad.finish) is not None for pad in pads)
 
 
 def tilt_share(scene: mi.Scene) -> float:

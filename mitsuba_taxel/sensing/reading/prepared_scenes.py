@@ -51,21 +51,24 @@ class MechanicsEstimate(NamedTuple):
 
 
 class FacetsEstimate(NamedTuple):
-    """Error of readings by the flat triangles of curved walls.
+    """Error of readings by the flat triangles of curved walls and of random heights.
 
     Attributes
     ----------
     facets : (T,) ndarray or None
-        Change of the power in W, as in `Readings`; None if no wall is curved.
+        Change of the power in W, as in `Readings`; None if there are no such walls.
     share : float
         The relative error.
     pilot : Run or None
         A run that :func:`points_for` continues, if any.
+    heights : float
+        The part of ``share`` by random heights, which smaller elements do not change.
     """
 
     facets: np.ndarray | None
     share: float
     pilot: Run | None
+    heights: float = 0.0
 
 
 FLAT = FacetsEstimate(None, 0.0, None)
@@ -92,6 +95,11 @@ class ShapeErrors(NamedTuple):
     def share(self) -> float:
         """Relative error of all readings together; without random numbers, the total error of the worst reading."""
         return math.hypot(self.mechanics.share, self.light_share)
+
+    @property
+    def refinable_share(self) -> float:
+        """The part of ``share`` that falls with the size of the elements."""
+        return math.sqrt(max(self.share**2 - self.geometry.heights**2, 0.0))
 
     @property
     def known_share(self) -> float:
