@@ -70,6 +70,7 @@ def test_a_study_file_and_another_circuit(taxel, tmp_path):
         (("render", "plate.xml", "--circuit", "dead.toml"), "supply is missing"),
         (("render", "plate.xml", "--circuit", "plate.xml"), "is not valid TOML"),
         (("sweep", "study.toml", "-o", "x", "--circuit", "circuit.toml"), "circuit is not allowed"),
+        (("bench", "cells", "--sides", "3,x"), "sides = '3,x' is not allowed"),
         (("sweep", "broken.toml", "-o", "x"), "a table [circuit] of numbers is needed"),
     ],
 )

@@ -325,6 +325,35 @@ def speed_command(target_error: float) -> None:
         click.echo(line)
 
 
+@command.command("cells", short_help="CPU time, memory and error of pads of many cells.")
+@click.option(
+    "--sides",
+    default="3,6,9,12",
+    show_default=True,
+    metavar="N,...",
+    help="Rows and columns of the square pads; a pad of 32 x 32 cells takes some 12 GB.",
+)
+@click.option("--ball", is_flag=True, help="Press a ball off the centre, which leaves no symmetry.")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0, min_open=True),
+    default=600.0,
+    show_default=True,
+    help="Longest time for a pad, on the clock.",
+)
+@debug_option
+def cells_command(sides: str, ball: bool, seconds: float) -> None:
+    """Read square pads of more and more parallelepiped cells once, each in its own process."""
+    from mitsuba_taxel.base.errors import InputError
+    from mitsuba_taxel.evidence.accuracy.many_cells import ManyCellsRow, growth_line, many_cells
+    from mitsuba_taxel.evidence.rows.row import cells, headings
+
+    if not all(side.strip().isdecimal() and 1 <= int(side) <= 100 for side in sides.split(",")):
+        raise InputError(f"sides = {sides!r} is not allowed: whole numbers from 1 to 100, such as 3,6,12, are needed.")
+    rows = many_cells([int(side) for side in sides.split(",")], ball, seconds, _say)
+    _shown(rows, headings(ManyCellsRow), partial(map, cells), summary=growth_line)
+
+
 @command.command("omitted-work", short_help="Savings from omitted work.")
 @click.option("--scene", "scenes", multiple=True, metavar="NAME", help="Scene, all by default. May be repeated.")
 @markdown_option

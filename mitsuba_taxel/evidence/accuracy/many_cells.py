@@ -1,0 +1,185 @@
+"""CPU time, memory and error of one reading of pads of more and more cells."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from mitsuba_taxel import PadSensor, measure
+from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.processes.system import peak_memory
+from mitsuba_taxel.evidence.rows.isolated_process import measure_isolated
+from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, IndenterDisplacement, Load
+from mitsuba_taxel.mechanics.load_paths import load_path
+from mitsuba_taxel.pads.parametric.pad import Pad
+
+PER_CELL = -1.0
+"""Normal force on a pad in N for each of its cells."""
+BALL = IndenterDisplacement(Indenter("sphere", radius=4.0, at=(0.9, 0.4)))
+"""A ball off the centre, under which a pad has no symmetry."""
+DEPTH = -0.3
+"""Its displacement in mm."""
+
+
+@dataclass(frozen=True)
+class ManyCellsRow:
+    """Cost of a reading.
+
+    Attributes
+    ----------
+    case : str
+        Cells and load.
+    elements : float
+        Finite elements of the whole pad.
+    mechanics : float
+        CPU seconds of mesh and load path.
+    second_mesh : float
+        CPU seconds of the error of the finite elements.
+    reading : float
+        CPU seconds of the light.
+    mechanics_error : float
+        Relative error of the worst reading by the finite elements; NaN if it is unknown.
+    light_error : float
+        Relative error of the worst reading by the light and its triangles.
+    megabytes : float
+        Peak memory.
+    verdict : str
+        How the process ended.
+    cells : int
+        Number of cells.
+    """
+
+    COLUMNS: ClassVar = {
+        "case": ("case", ""),
+        "elements": ("elements", ".0f"),
+        "mechanics": ("path, CPU s", ".1f"),
+        "second_mesh": ("second mesh, CPU s", ".1f"),
+        "reading": ("light, CPU s", ".1f"),
+        "mechanics_error": ("error by elements", ".2%"),
+        "light_error": ("by light", ".2%"),
+        "megabytes": ("MB", ".0f"),
+        "verdict": ("end", ""),
+    }
+    case: str
+    cells: int
+    verdict: str = "converged"
+    elements: float = math.nan
+    mechanics: float = math.nan
+    second_mesh: float = math.nan
+    reading: float = math.nan
+    mechanics_error: float = math.nan
+    light_error: float = math.nan
+    megabytes: float = math.nan
+
+    @property
+    def seconds(self) -> float:
+        """CPU seconds of all."""
+        return self.mechanics + self.second_mesh + self.reading
+
+
+@dataclass(frozen=True)
+class ManyCells:
+    """A square pad of parallelepiped cells under a load.
+
+    Attributes
+    ----------
+    side : int
+        Rows and columns.
+    under_ball : bool
+        Whether a ball presses off the centre, instead of a force spread over the top.
+    """
+
+    side: int
+    under_ball: bool
+
+    @property
+    def name(self) -> str:
+        return f"{self.side} x {self.side}, {'ball off the centre' if self.under_ball else 'spread force'}"
+
+    def failed(self, end: str) -> ManyCellsRow:
+        """The row of a process that returned none."""
+        return ManyCellsRow(self.name, self.side**2, end)
+
+    def measured(self) -> ManyCellsRow:
+        """The row, measured in this process."""
+        pad, cells = Pad("parallelepiped", rows=self.side, columns=self.side), self.side**2
+        load: Load = BALL if self.under_ball else SPREAD_FORCE
+        value = (0.0, 0.0, DEPTH if self.under_ball else PER_CELL * cells)
+        sensor = PadSensor(pad, force=value, load=load)
+
+        # The state, its error, and then the reading, which finds both.
+        times = [time.process_time()]
+        try:
+            (state,) = load_path(pad, sensor.material, [value], load=load)
+            times.append(time.process_time())
+            _ = state.error
+            times.append(time.process_time())
+            readings = measure(sensor.scene())
+        except ComputationError as error:
+            return self.failed(str(error))
+        times.append(time.process_time())
+        mechanics, second_mesh, reading = np.diff(times).tolist()
+        return ManyCellsRow(
+            case=self.name,
+            cells=cells,
+            elements=float(len(state.mesh.tets)),
+            mechanics=mechanics,
+            second_mesh=second_mesh,
+            reading=reading,
+            mechanics_error=float(np.max(readings.mechanics_error / readings.power)),
+            light_error=float(np.max(np.hypot(readings.standard_error, readings.geometry_error) / readings.power)),
+            megabytes=peak_memory(),
+        )
+
+
+def many_cells(
+    sides: Sequence[int], under_ball: bool, seconds: float, starting: Callable[[str], None]
+) -> Iterator[ManyCellsRow]:
+    """Measure pads one by one, each in a process of its own.
+
+    Parameters
+    ----------
+    sides : sequence of int
+        Rows and columns of the square pads.
+    under_ball : bool
+        See :class:`ManyCells`.
+    seconds : float
+        Most seconds on the clock for each.
+    starting : Callable[[str], None]
+        Called with the name of each case before it is measured.
+
+    Yields
+    ------
+    ManyCellsRow
+        One for each pad.
+    """
+    for side in sides:
+        case = ManyCells(side, under_ball)
+        starting(case.name)
+        yield measure_isolated(case, seconds)
+
+
+def growth(rows: Sequence[ManyCellsRow]) -> float:
+    """Power of the number of cells with which CPU time grows, by least squares; NaN for fewer than two pads.
+
+    Parameters
+    ----------
+    rows : sequence of ManyCellsRow
+        Rows of pads that were read.
+    """
+    read = [row for row in rows if math.isfinite(row.seconds)]
+    if len({row.cells for row in read}) < 2:
+        return math.nan
+    return float(np.polyfit(np.log([row.cells for row in read]), np.log([row.seconds for row in read]), 1)[0])
+
+
+def growth_line(rows: Sequence[ManyCellsRow]) -> str:
+    """The power of :func:`growth` in words."""
+    power = growth(rows)
+    return "" if math.isnan(power) else f"CPU time grows as the number of cells to the power of {power:.2f}."
