@@ -18,7 +18,7 @@ from mitsuba_taxel.kernels.paths.plane_mirrors import without_images
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import Places
 from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.sensing.derivatives.linearised_pad import LinearisedPad, Nodal
-from mitsuba_taxel.sensing.derivatives.scene_rates import Rates
+from mitsuba_taxel.sensing.derivatives.scene_rates import Rates, instead_of_derivative
 from mitsuba_taxel.sensing.reading.mechanics_error import move
 from mitsuba_taxel.sensing.reading.runs import Prepared, Run
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
@@ -92,7 +92,10 @@ class MovedScene:
         self._ready, self._change = ready, change
         self._pad = next(iter(deformed_pads(ready.scene)), None)
         if change.pad and self._pad is not None and self._pad.finish is not None:
-            raise InputError(f"{change.name} has no derivative: the pad's cells have a finish, which does not follow.")
+            raise InputError(
+                f"{change.name} has no derivative: the pad's cells have a finish, which does not follow; "
+                f"{instead_of_derivative(change.name)}."
+            )
         self._moved: tuple[float, Any] = 0.0, ready.scene
 
     def largest_step(self, walls: MovingWalls | None) -> float:

@@ -28,7 +28,7 @@ from mitsuba_taxel.sensing.scene.parameter_units import units_of_parameters
 from mitsuba_taxel.sensing.scene.parsing import parser_config
 from mitsuba_taxel.sensing.scene.written_scene import COMPONENTS
 from mitsuba_taxel.specification import Specification, specifications
-from mitsuba_taxel.specification.deformable_pad import DeformablePad
+from mitsuba_taxel.specification.deformable_pad import FINISHES, DeformablePad
 from mitsuba_taxel.specification.photo_reflector import PhotoReflector
 
 if TYPE_CHECKING:
@@ -38,7 +38,13 @@ STEP = 1e-3
 """Step of differences, relative to a parameter, or to 1 if it is 0."""
 NOISE = 1e-9
 """Largest rate that counts as rounding."""
+FINISH_NUMBERS = {parameter.name for kind in FINISHES.values() for parameter in parameters_of(kind).values()}
 PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
+
+
+def instead_of_derivative(name: str) -> str:
+    """Advice for a parameter of rough cells: readings jump where an edge of the finish crosses a path of light."""
+    return f"take a difference of readings, which share their random numbers, by --vary {name}=FROM,TO"
 
 
 @dataclass(frozen=True)
@@ -338,7 +344,10 @@ def _refuse_unsmooth(parameter: _Parameter, pad: DeformablePad, changed: Deforma
         if name == "to_world" and values[0] is not None:
             values = [np.array(transform.matrix).tolist() for transform in values]
         if values[0] != values[1]:
-            raise InputError(f"{parameter.name} has no derivative: it changes {name} of the {PAD}.")
+            reason = f"it changes {name} of the {PAD}"
+            if name in FINISH_NUMBERS:
+                reason += f", a number of its finish; {instead_of_derivative(parameter.name)}"
+            raise InputError(f"{parameter.name} has no derivative: {reason}.")
 
 
 def _differentiable(pad: DeformablePad) -> set[str]:
