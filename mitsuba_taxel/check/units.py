@@ -12,7 +12,7 @@ from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, SceneObject, SceneObjects, UndeformedPad
 from mitsuba_taxel.kernels.tables import RIGHT_ANGLE
 from mitsuba_taxel.mechanics.elements.loads import Load
-from mitsuba_taxel.pads import Block, Pad
+from mitsuba_taxel.pads import Block, PadFile
 from mitsuba_taxel.parameters import Number, Parameter, Vector
 from mitsuba_taxel.specification import specifications
 
@@ -108,9 +108,10 @@ def _pull(quantity: str, value: np.ndarray) -> str:
 
 def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
     """A message if an indenter does not touch the top of a pad anywhere on its path; empty otherwise."""
-    has_plane_top = isinstance(pad.pad, Pad) or (isinstance(pad.pad, Block) and pad.pad.top_radius is None)
-    if load.moved_indenter is None or not has_plane_top or value[2] > 0:
+    if load.moved_indenter is None or value[2] > 0 or isinstance(pad.pad, PadFile):
         return ""
+    if isinstance(pad.pad, Block) and pad.pad.top_radius is not None:
+        return ""  # a domed top
     # Sample the path: down at its start, and down at its end. Depths halve, as a ball that is pushed in completely lies
     # below the top and seems not to touch it.
     half = np.array(pad.pad.extent[:2]) / 2
@@ -129,7 +130,7 @@ def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
 
 
 def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:
-    if not isinstance(pad.pad, Pad | Block):
+    if isinstance(pad.pad, PadFile):
         return ""
     x, y, z = pad.pad.extent
     size = math.hypot(*value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +33,7 @@ SURELY = 0.25
 
 
 def refuse_too_large(
-    pad: AnyPad, mesh_size: float, load: Load, values: Sequence[Sequence[float] | np.ndarray] | None = None
+    pad: AnyPad, mesh_size: float, load: Load, values: Iterable[Sequence[float] | np.ndarray] | None = None
 ) -> None:
     """Refuse a pad whose solution does not fit into the free memory, before it is meshed.
 
@@ -48,7 +48,7 @@ def refuse_too_large(
         Size of the elements in mm.
     load : Load
         Kind of load.
-    values : sequence of sequence of float, optional
+    values : iterable of sequence of float, optional
         Its values in N, mm or MPa; by default it has no sideways parts.
 
     Raises

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -51,7 +52,7 @@ def command(
     write_calibration(calibration, output)
     widths = list(zip(calibration.forces, calibration.units, calibration.half_width.tolist(), strict=True))
     if as_json:
-        about = {
+        about: dict[str, Any] = {
             f"half_width_{unit}": {name: width for name, own, width in widths if own == unit}
             for unit in dict.fromkeys(calibration.units)
         }

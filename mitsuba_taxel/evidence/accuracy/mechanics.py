@@ -25,8 +25,8 @@ from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.meshes import pad_mesh
-from mitsuba_taxel.pads.pad_file import PadFile
-from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE, Pad
+from mitsuba_taxel.pads.any_pad import AnyPad
+from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE
 from mitsuba_taxel.sensing.measurement import measure
 from mitsuba_taxel.sensing.reading.readings import ERROR_SHARE, Readings
 from mitsuba_taxel.sensing.reading.runs import prepare
@@ -95,7 +95,7 @@ class FineMeshLimit:
 class PadRequest(NamedTuple):
     """A pad under a load, without its scene."""
 
-    pad: Pad | PadFile
+    pad: AnyPad
     material: Material
     load: Load
     value: np.ndarray

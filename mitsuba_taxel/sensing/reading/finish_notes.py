@@ -75,8 +75,8 @@ def merged_finishes(notes: Iterable[str]) -> list[str]:
         else:
             of_walls[note] = []
     lines = []
-    for start, words in of_walls.items():
-        if len(words) > MOST_NAMED:
-            words = [f"{len(words)} in turn, from {words[0]}", f"to {words[-1]}"]
-        lines.append(f"{start}: {'; '.join(words)}" if words else start)
+    for start, finishes in of_walls.items():
+        if len(finishes) > MOST_NAMED:
+            finishes = [f"{len(finishes)} in turn, from {finishes[0]}", f"to {finishes[-1]}"]
+        lines.append(f"{start}: {'; '.join(finishes)}" if finishes else start)
     return lines
