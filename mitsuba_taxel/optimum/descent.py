@@ -9,6 +9,7 @@ new mesh.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -194,15 +195,18 @@ def best_step(x: np.ndarray, here: Linearisation, curvature: np.ndarray, radius:
     within = np.column_stack([here.limit_rates, np.zeros(len(here.limits))])
     rates, offset = np.vstack([above, within]), np.append(-here.goals, here.limits + violation + 1e-9)
     minimise: Any = minimize
-    solution = minimise(
-        lambda z: 0.5 * z[:count] @ curvature @ z[:count] + z[count],
-        np.append(first, float((here.goals + here.goal_rates @ first).max())),
-        jac=lambda z: np.append(curvature @ z[:count], 1.0),
-        bounds=[*zip(low, high, strict=True), (None, None)],
-        constraints={"type": "ineq", "fun": lambda z: rates @ z + offset, "jac": lambda z: rates},
-        method="SLSQP",
-        options={"ftol": 1e-12, "maxiter": 200},
-    )
+    with warnings.catch_warnings():
+        # SciPy before 1.16, the only one for Python 3.10, warns where it corrects a rounding error of its own steps.
+        warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
+        solution = minimise(
+            lambda z: 0.5 * z[:count] @ curvature @ z[:count] + z[count],
+            np.append(first, float((here.goals + here.goal_rates @ first).max())),
+            jac=lambda z: np.append(curvature @ z[:count], 1.0),
+            bounds=[*zip(low, high, strict=True), (None, None)],
+            constraints={"type": "ineq", "fun": lambda z: rates @ z + offset, "jac": lambda z: rates},
+            method="SLSQP",
+            options={"ftol": 1e-12, "maxiter": 200},
+        )
     d = np.clip(solution.x[:count], low, high)
     goals, limits = _multipliers(here, curvature, d, low, high, violation)
     model = float((here.goals + here.goal_rates @ d).max() + 0.5 * d @ curvature @ d)
