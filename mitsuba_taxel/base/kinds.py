@@ -67,7 +67,7 @@ class Kind:
 
     def __init_subclass__(cls, /, family: str = "", name: str = "", rank: int = LAST, **others: Any) -> None:
         super().__init_subclass__(**others)
-        # As ABCMeta does, which in Python 3.10 does not accept ``name=``: with abstract methods there are no objects.
+        # As in ABCMeta, a class with abstract methods cannot be instantiated; ABCMeta of Python 3.10 refuses ``name=``.
         cls.__abstractmethods__ = frozenset(_abstract_methods(cls))  # type: ignore[attr-defined]
         if family:
             cls.family, cls._registry = family, {}

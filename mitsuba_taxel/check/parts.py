@@ -41,13 +41,13 @@ class UndeformedPad:
     load : tuple[Load, tuple[float, ...]]
         The load and its value.
     read_cells : tuple[int, ...] or None
-        Numbers of the cells that are read, None for all.
+        Numbers of the cells that are read; None for all.
     to_world : (4, 4) ndarray
         Transformation from the pad's frame to world coordinates, in mm.
     objects : dict[str, object]
         Nested objects, by name.
     extent, cell_boxes : (2, 3) ndarray, (K, 2, 3) ndarray, or None
-        Lowest and highest coordinates of a pad from a file, and of its cells, in the pad's frame.
+        For a pad from a file, lowest and highest coordinates of the pad and of each cell, in the pad's frame.
     """
 
     extent: np.ndarray | None = None

@@ -38,7 +38,7 @@ def size_for_light(pad: AnyPad, load: Load, walls: list[mi.BSDF]) -> float | Non
     Returns
     -------
     float or None
-        Element size in mm; None for other pads, and under an indenter: the pad's default then applies.
+        Element size in mm; None for other pads and under an indenter, where the default of the pad applies.
     """
     if not isinstance(pad, Pad) or pad.rows * pad.columns > MOST_CELLS or load.indenter is not None:
         return None
@@ -77,8 +77,8 @@ def fewer_triangles(subdivision: int, pad: Pad, mesh_size: float) -> int:
 def edge_ratio(pad: AnyPad, mesh_size: float) -> float:
     """Length of the edges of elements on roofs, relative to the default.
 
-    On domes it falls with the square of the size of smaller elements, down to `FINER_DOMES`; on other walls with the
-    size.
+    On domes with elements smaller than the default, the length is proportional to the square of the mesh size, down to
+    a relative mesh size of `FINER_DOMES`; otherwise it is proportional to the mesh size.
 
     Parameters
     ----------

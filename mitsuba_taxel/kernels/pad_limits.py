@@ -98,7 +98,7 @@ def check_mirrors(pad: AnyPad, codes: list[int], subdivision: int) -> None:
     Raises
     ------
     InputError
-        if it is too small for a curved mirror.
+        if the subdivision is too small for a curved mirror.
     """
     if isinstance(pad, Pad):
         round_walls = list(pad.curved_regions)

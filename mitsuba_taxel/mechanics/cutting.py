@@ -146,7 +146,7 @@ def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None 
 
 
 def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
-    """Mask of the faces that are roofs or sides of given cells, which are subdivided finely; without cells, of the top.
+    """Mask of the finely subdivided faces: roofs and sides of the given cells or, in a pad without cells, the top.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
     Returns
     -------
     (F,) ndarray of bool
-        One value of each face.
+        One value for each face.
     """
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
     if not in_cell.any():

@@ -1,4 +1,4 @@
-"""Memory that the solution of a large pad takes, estimated before it is meshed."""
+"""Memory needed to solve a large pad, estimated before meshing."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 
 BYTES = 11e3
 """Memory of a solution for each unknown: 4 to 5 kB for the factor in single precision, as much for its analysis, and
-the matrix. It is the least that was measured, so that nothing is refused that would fit: 10.6 to 17.5 kB with 30 000 to
+the matrix. The least measured value is used, so that no pad is refused that would fit: 10.6 to 17.5 kB with 30 000 to
 236 000 unknowns (6 x 6 and 12 x 12 cells, with the second mesh)."""
 UNKNOWNS = 7000
 """Unknowns for each cell of a pad of 3 x 3 parallelepiped cells with elements of the default size."""
 BLOCK = 4
-"""Rows and columns of the smaller pad whose unknowns are counted."""
+"""Number of rows and columns of the smaller pad whose unknowns are counted."""
 INNER = 0.95
-"""Unknowns for each cell of a larger pad, relative to those of the smaller one, which has more edges: from 0.88 to 0.99
-with 5 x 5, 6 x 6, 9 x 9, 4 x 7, 8 x 1 and 2 x 9 cells of four shapes."""
+"""Unknowns per cell of a larger pad, relative to the smaller pad, where edges count more: from 0.88 to 0.99 with 5 x 5,
+6 x 6, 9 x 9, 4 x 7, 8 x 1 and 2 x 9 cells of four shapes."""
 FINEST = 0.5
-"""Size of its elements, relative to the default, below which their number is extrapolated."""
+"""Element size of the smaller pad, relative to the default; for smaller elements, their number is extrapolated."""
 SURELY = 0.25
-"""Fraction of the free memory up to which a guess from `UNKNOWNS` suffices."""
+"""Fraction of the free memory up to which the estimate from `UNKNOWNS` suffices."""
 
 
 def refuse_too_large(
@@ -37,24 +37,25 @@ def refuse_too_large(
 ) -> None:
     """Refuse a pad whose solution does not fit into the free memory, before it is meshed.
 
-    Unknowns are extrapolated, to 15 %, from a pad of at most 4 x 4 cells, which is meshed. Symmetries of the load are
-    assumed wherever it may have them. A pad that has been meshed before is not judged: it may be solved already.
+    The number of unknowns is extrapolated, with an error of 15 %, from a pad of at most 4 x 4 cells, which is meshed.
+    The load is assumed to be symmetric if it may be. A pad that has been meshed before is not refused, as its solution
+    may exist already.
 
     Parameters
     ----------
     pad : AnyPad
-        The pad; one from a file is not judged.
+        The pad; a pad from a file is never refused.
     mesh_size : float
         Size of the elements in mm.
     load : Load
         Kind of load.
     values : iterable of sequence of float, optional
-        Its values in N, mm or MPa; by default it has no sideways parts.
+        Values of the load in N, mm or MPa; by default, without lateral components.
 
     Raises
     ------
     ComputationError
-        with the number of cells and the size of elements that would fit.
+        if it does not fit; the message states a number of cells and an element size that would fit.
     """
     loaded = [(0.0, 0.0, -1.0)] if values is None else [value for value in values if np.any(value)]
     if not isinstance(pad, Pad) or not loaded or is_meshed(pad, mesh_size):
@@ -65,7 +66,8 @@ def refuse_too_large(
     if BYTES * guess * cells / parts < SURELY * free:
         return
     counted_at = max(mesh_size, FINEST * pad.default_mesh_size)
-    if max(pad.rows, pad.columns) <= BLOCK and counted_at == mesh_size:  # counted as fast as it is meshed
+    # Meshing such a pad is as fast as estimating it.
+    if max(pad.rows, pad.columns) <= BLOCK and counted_at == mesh_size:
         return
     block = replace(pad, rows=min(pad.rows, BLOCK), columns=min(pad.columns, BLOCK))
     share = cells / (block.rows * block.columns) * (counted_at / mesh_size) ** 3 * (1.0 if block == pad else INNER)
@@ -97,13 +99,13 @@ def symmetric_parts(pad: Pad, load: Load, value: Sequence[float] | np.ndarray) -
     load : Load
         Kind of load.
     value : sequence of float
-        Its value in N, mm or MPa.
+        Value of the load in N, mm or MPa.
 
     Returns
     -------
     int
-        8 for a square pad under a load without sideways parts at its centre, 4 for another pad, 2 if the load is off
-        the centre or leans along an axis or diagonal, else 1.
+        Number of images: 8 for a square pad and 4 for another pad under a central load without lateral components; 2 if
+        the load is off the centre along an axis or diagonal, or leans along one; else 1.
     """
     is_square = pad.rows == pad.columns
     sideways = [(value[0], value[1])] if len(value) == 3 else []

@@ -201,6 +201,6 @@ def _no_design(optimiser: Optimiser) -> InputError:
     )
     remedy = "Relax one of them, or widen the bounds."
     if all(limit.figure.kind == SATURATION for limit in conflicting):
-        # It need not be a constraint of the study: see `_unsaturated`.
+        # The constraint may have been added by `_unsaturated`.
         remedy = "Lower the gain of the table [circuit] (load_resistance, transfer, buffer_gain), or widen the bounds."
     return InputError(f"constraints {what}: {said}; {len(optimiser.history)} designs evaluated. {remedy}")

@@ -5,4 +5,4 @@ from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
 
 AnyPad = Pad | PadFile | Block
-"""A pad of cells, a pad from a file, or a block without cells."""
+"""A pad with cells, a pad from a file, or a block without cells."""

@@ -27,14 +27,14 @@ LOWEST_CORNER = 0.1
 class Block(Checked, Displayed):
     """A block of silicone without cells (all lengths in mm).
 
-    The bottom is z = 0, the window, glued to a clear plate; the centre is x = y = 0. The top is the coat, which a
-    camera sees from inside: a plane, or a part of a sphere with its highest point above the centre. The other faces are
-    the outside.
+    The bottom at z = 0 is glued to a clear plate and is the window; the centre is x = y = 0. The top is coated, and a
+    camera sees it from inside: it is a plane, or part of a sphere with its highest point above the centre. The other
+    faces are outside faces.
 
     Raises
     ------
     InputError
-        If a value is not finite or out of range, or a domed top would cut the corners off.
+        if a value is not finite or out of range, or the corners below a domed top would be too low.
     """
 
     width: float = number(REQUIRED, "mm", "Side of the block along x.", above=0, common=(0.5, 500))
@@ -43,7 +43,7 @@ class Block(Checked, Displayed):
     top_radius: float | None = number(
         None,
         "mm",
-        "Radius of the sphere of a domed top, such that the corners of the block are at least a tenth of its height.",
+        "Radius of the sphere of a domed top; the corners of the block must be at least a tenth of its height.",
         above=0,
         common=(0.5, 5000),
         default_words="a plane top",
@@ -53,7 +53,7 @@ class Block(Checked, Displayed):
         if self.top_radius is None:
             return
         corner, lowest = 0.5 * math.hypot(self.width, self.depth), LOWEST_CORNER * self.height
-        # The sagitta s of a chord whose half is c: R = (c^2 + s^2) / (2 s).
+        # The sagitta s of a chord of half length c: R = (c^2 + s^2) / (2 s).
         most = self.height - lowest
         least = (corner**2 + most**2) / (2 * most) if most < corner else corner
         if self.top_radius < least:
@@ -69,12 +69,12 @@ class Block(Checked, Displayed):
 
     @property
     def identity(self) -> dict[str, object]:
-        """Values that identify the block and its meshes, fit for JSON."""
+        """Values that identify the block and its meshes, as JSON values."""
         return {"cell": "none"} | asdict(self)
 
     @property
     def default_mesh_size(self) -> float:
-        """Default size of the finite elements in mm, to three digits."""
+        """Default size of the finite elements in mm, rounded to three digits."""
         return float(f"{ELEMENTS_ALONG * min(self.extent):.3g}")
 
     def top_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -88,7 +88,7 @@ class Block(Checked, Displayed):
         Returns
         -------
         (N,) ndarray
-            In mm.
+            Height of the top at each position, in mm.
         """
         if self.top_radius is None:
             return np.full(np.shape(x), self.height)

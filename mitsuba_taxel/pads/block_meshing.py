@@ -21,7 +21,7 @@ from mitsuba_taxel.pads.regions import REGIONS
 LEAST_LAYERS = 2
 """Least number of bricks over the height."""
 OF_BRICK = 24
-"""Number of tetrahedra of a brick and its mirror images."""
+"""Number of tetrahedra of a brick and of its mirror images together."""
 
 
 class Meshed(Protocol):
@@ -39,12 +39,12 @@ def mesh_block(block: Meshed, mesh_size: float) -> VolumeMesh:
 
     A quarter of the block, or an eighth of a square one, is divided into bricks of six tetrahedra (H. W. Kuhn, IBM J.
     Res. Dev. 4, 1960), and mirrored: the mesh has exactly the symmetry of the block. Elements at the glued edges, where
-    the stress is singular, are cut. Nodes are then moved vertically in proportion to the height of the top.
+    the stress is singular, are divided. Nodes are then moved vertically in proportion to the height of the top.
 
     Parameters
     ----------
     block : Block
-        In mm.
+        The block, with lengths in mm.
     mesh_size : float
         Length of the edges of bricks, mm.
 
@@ -65,7 +65,7 @@ def mesh_block(block: Meshed, mesh_size: float) -> VolumeMesh:
     half = 0.5 * width, 0.5 * depth, height
     bricks = _bricks_along(block, mesh_size)
 
-    # The symmetric part: 0 <= y <= x of a square block, else x, y >= 0.
+    # The meshed part: 0 <= y <= x of a square block, x, y >= 0 of another block.
     is_square = width == depth
     points, tets = _bricks([np.linspace(0, side, count + 1) for side, count in zip(half, bricks, strict=True)])
     if is_square:
@@ -117,7 +117,7 @@ def check_block_size(block: Meshed, mesh_size: float) -> None:
     if OF_BRICK * math.prod(_bricks_along(block, mesh_size)) <= MOST_ELEMENTS:
         return
     least = (OF_BRICK * math.prod(block.extent) / 4 / MOST_ELEMENTS) ** (1 / 3)
-    if mesh_size >= 0.5 * block.default_mesh_size:  # nobody gave it
+    if mesh_size >= 0.5 * block.default_mesh_size:  # the size is the default
         size = " x ".join(f"{side:.3g}" for side in block.extent)
         raise InputError(
             f"a block of {size} mm is not allowed: its thinnest side needs elements of {mesh_size:.2g} mm, but at "
@@ -137,8 +137,8 @@ def _bricks_along(block: Meshed, mesh_size: float) -> list[int]:
 def _bricks(sides: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Points (N, 3) of a grid, and the corners (M, 4) of six tetrahedra in each brick.
 
-    Each is a path along the edges from the lowest corner of the brick to the highest one: neighbours match, and
-    exchanging two axes maps tetrahedra to tetrahedra."""
+    The corners of each tetrahedron are a path along the edges of the brick, from its lowest to its highest corner.
+    Tetrahedra of neighbouring bricks therefore match, and exchanging two axes maps tetrahedra to tetrahedra."""
     shape = tuple(len(side) for side in sides)
     points = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
     lowest = np.stack(np.meshgrid(*(np.arange(n - 1) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
@@ -148,10 +148,8 @@ def _bricks(sides: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     return points, np.ravel_multi_index(tuple(np.moveaxis(corners, -1, 0)), shape).reshape(-1, 4)
 
 
-def _tagged(
-    points: np.ndarray, tets: np.ndarray, faces: np.ndarray, half: tuple[float, float, float]
-) -> VolumeMesh:
-    """The mesh with the regions of its faces; faces on planes of symmetry are left out."""
+def _tagged(points: np.ndarray, tets: np.ndarray, faces: np.ndarray, half: tuple[float, float, float]) -> VolumeMesh:
+    """The mesh with the regions of its faces, without faces on planes of symmetry."""
     middle, near = points[faces[:, :3]].mean(axis=1), 1e-9 * np.array(half)
     region = np.zeros(len(faces), dtype=int)
     region[(middle[:, :2] > (np.array(half) - near)[:2]).any(axis=1)] = REGIONS["outer"]

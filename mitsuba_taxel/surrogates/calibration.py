@@ -1,8 +1,8 @@
-"""Forces, depth or place from readings: a polynomial with prediction intervals, cross-validated on whole paths.
+"""Forces, depth or place as a polynomial of readings with prediction intervals, cross-validated on whole paths.
 
-Intervals follow from errors on paths that a fit has not seen, each with the same weight
-(:mod:`mitsuba_taxel.surrogates.path_intervals`). An error that is common to a path, such as that of a stiffer pad,
-counts once, however many rows or noisy copies the path has.
+Intervals follow from errors on paths that were left out of a fit, with the same weight for each path
+(:mod:`mitsuba_taxel.surrogates.path_intervals`). An error that all rows of a path share, such as the error of a stiffer
+pad, counts once, however many rows or noisy copies the path has.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ class Calibration(NamedTuple):
     coverage : float
         Fraction of the quantities that the intervals should contain.
     covered : float
-        Fraction of the quantities on left-out paths within intervals whose width is from the other paths, mean of the
-        paths.
+        Fraction of the quantities on left-out paths that lie within intervals determined by the other paths, averaged
+        over the paths.
     unit : str
         Unit of the readings, W or V.
     noise : float
@@ -99,14 +99,14 @@ def calibrate(
 ) -> Calibration:
     """Forces, depths or places as a polynomial of readings, with intervals.
 
-    Readings are in W, or in V where they are measured, or simulated with a circuit: then they have its noise and the
-    steps of its converter. For a place, rows without load are left out, as their readings do not contain it.
+    Readings are in W, or in V if they are measured or simulated with a circuit. With a circuit, they have its noise and
+    the steps of its converter. For a place, rows without load are left out, as their readings do not contain it.
 
     Parameters
     ----------
     source : xr.Dataset or xr.DataTree or Measurement
-        A study with varied loads or places, in which a path is one curve; or a measurement along one line, in which it
-        is a run between turning points of the force.
+        A study with varied loads or places, where each curve is a path; or a measurement along one line, where each run
+        between turning points of the force is a path.
     coverage : float
         Fraction of the quantities that the intervals should contain, on paths like those given.
     noise : float, optional
@@ -114,8 +114,8 @@ def calibrate(
     seed : int
         Seed of this noise.
     over : str or sequence of str, optional
-        What is computed from readings: ``force``, ``depth``, ``place``, or several of them. By default the force, or
-        the depth if no force is varied or known, and the place of an indenter or a patch if it is varied.
+        Quantities to compute from readings: ``force``, ``depth``, ``place``, or several of them. By default the force,
+        or the depth if no force is varied or known, and the place of an indenter or a patch if it is varied.
 
     Returns
     -------
@@ -125,7 +125,7 @@ def calibrate(
     Raises
     ------
     InputError
-        if scikit-learn is not installed, the study has several scenes, nothing is varied that was asked for, there are
+        if scikit-learn is not installed, the study has several scenes, a requested quantity is not varied, there are
         fewer than three paths, or the output is saturated in all readings.
     """
     if find_spec("sklearn") is None:
@@ -152,7 +152,8 @@ def calibrate(
     paths = len(np.unique(rows.path))
     if paths < 3:
         raise InputError("a calibration is tested on whole paths: at least three curves, or runs, are needed.")
-    # Quantities are fitted relative to their range, so that all have the same weight. Errors are those on unseen paths.
+    # Quantities are fitted relative to their range, so that all have the same weight. Errors are computed on left-out
+    # paths.
     size = np.ptp(rows.quantities, axis=0)
     rows = rows._replace(quantities=rows.quantities / size)
     missed, fold = _cross_validate(rows)
@@ -180,7 +181,7 @@ def calibrate(
 def _cross_validate(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
     """Errors (rows, quantities) of predictions by fits without the row's path, and fold number (rows,).
 
-    Each fold selects its own degree and penalty.
+    Degree and penalty are selected for each fold.
     """
     from sklearn.model_selection import GroupKFold
 
@@ -226,7 +227,7 @@ def _terms(degree: int, *fit: BaseEstimator) -> Pipeline:
 
 
 def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarray, tested: str) -> Polynomial:
-    """The polynomial from readings to quantities; ``size`` is their range, to which the fit is relative."""
+    """The polynomial from readings to quantities; ``size`` is the range by which quantities are divided in the fit."""
     scaler, features, ridge = (step for _, step in fitted.steps)
     inputs = len(scaler.data_min_)
     labels = tuple(f"reading_{number}" for number in range(1, inputs + 1))

@@ -1,4 +1,4 @@
-"""Rows of readings with the forces, depths or places that belong to them, from a study or a measurement."""
+"""Rows of readings with the corresponding forces, depths or places, from a study or a measurement."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
 
 COPIES = 8
-"""Noisy copies of each reading of a study."""
+"""Number of noisy copies of each reading of a study."""
 OVER = {
     "force": (FORCES, "N", "fx, fy or fz"),
     "depth": (DISPLACEMENTS, "mm", "the displacement of a plate or an indenter"),
@@ -49,7 +49,7 @@ def measured_rows(measurement: Measurement, over: Sequence[str] | None) -> Table
     Raises
     ------
     InputError
-        if anything but the force is asked for.
+        if a quantity other than the force is requested.
     """
     if over is not None and tuple(over) != ("force",):
         raise InputError(f"over = {', '.join(over)} is not allowed for a measurement of forces: force is needed.")
@@ -62,8 +62,8 @@ def measured_rows(measurement: Measurement, over: Sequence[str] | None) -> Table
 def simulated_rows(study: xr.Dataset, over: Sequence[str] | None, noise: float, random: np.random.Generator) -> Table:
     """The quantities and readings of a study, in which each curve is a path.
 
-    Readings get noise of the light, and that of the circuit if there is one. Loads without a reading are left out; for
-    a place also rows without load, whose readings do not contain it.
+    Noise of the light and, if there is one, of the circuit is added to readings. Loads without a reading are omitted.
+    For a place, rows without load are omitted, too, as their readings do not depend on the place.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def simulated_rows(study: xr.Dataset, over: Sequence[str] | None, noise: float, 
     noise : float
         Relative standard deviation of the light.
     random : np.random.Generator
-        Source of the noise.
+        Random numbers of the noise.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def simulated_rows(study: xr.Dataset, over: Sequence[str] | None, noise: float, 
     Raises
     ------
     InputError
-        if nothing is varied that was asked for.
+        if a requested quantity is not varied.
     """
     study = with_forces_named(study)
     dims = [dim for dim in study.power.dims if dim != "taxel"]
@@ -143,7 +143,7 @@ def _varied(stacked: xr.DataArray, roles: dict[str, str], kind: str) -> dict[str
 
 
 def _computed_forces(study: xr.Dataset, dims: list, finite: np.ndarray) -> dict[str, np.ndarray]:
-    """Forces (rows,) of a plate or an indenter whose displacement is prescribed, where the study contains them."""
+    """Forces (rows,) of a plate or an indenter whose displacement is prescribed, if the study contains them."""
     columns = {}
     for name in FORCES:
         if f"reaction_{name}" not in study:

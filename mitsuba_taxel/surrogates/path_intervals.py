@@ -1,10 +1,10 @@
-"""Half widths of intervals for a row of a new path, from errors on paths that a fit has not seen.
+"""Half widths of prediction intervals for a row of a new path, from errors on paths left out of a fit.
 
-Rows of a path share errors, such as that of a stiffer pad, so that paths are exchangeable but rows are not. Errors are
-therefore ranked with the weight of their path, and the new path counts as one more, of unlimited error (Y. Lee, R.
-Barber, R. Willett, Distribution-free inference with hierarchical data, arXiv:2306.06342, section 3). This holds for any
-distribution, if there are enough paths. Errors here are of cross-validation instead of a set-aside part of the paths:
-the statement then holds as far as fits with and without a path agree.
+Rows of a path share errors, such as the error of a stiffer pad, so that paths are exchangeable but rows are not. Errors
+are therefore ranked with the weight of their path, and the new path counts as an additional path of unlimited error (Y.
+Lee, R. Barber, R. Willett, Distribution-free inference with hierarchical data, arXiv:2306.06342, section 3). This holds
+for any distribution, if there are enough paths. Errors are computed here by cross-validation instead of on a separate
+set of paths: the statement then holds if fits with and without a path agree.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ROUNDING = 1e-9
 def paths_needed(coverage: float) -> int:
     """Least number of paths whose ranks give an interval at a coverage.
 
-    The largest error of n paths contains a new one with a probability of n / (n + 1).
+    The error of a new path is at most the largest error of n paths with a probability of n / (n + 1).
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def paths_needed(coverage: float) -> int:
     Returns
     -------
     int
-        9 for a coverage of 0.9.
+        Number of paths, for example 9 for a coverage of 0.9.
     """
     return max(1, math.ceil(coverage / (1 - coverage) - ROUNDING))
 
@@ -47,7 +47,7 @@ def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> 
     Parameters
     ----------
     missed : (rows, quantities) ndarray
-        Errors of predictions of at least two paths that the fit has not seen.
+        Errors of predictions on at least two paths, which were left out of the fit.
     path : (rows,) ndarray
         Path of each row.
     coverage : float
@@ -74,12 +74,12 @@ def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> 
 
 
 def contained_by_path(missed: np.ndarray, folds: np.ndarray, path: np.ndarray, coverage: float) -> np.ndarray:
-    """Fraction of the errors of each path that lie in the interval from the other folds of cross-validation.
+    """Fraction of the errors of each path that lie in the interval determined by the other folds of cross-validation.
 
     Parameters
     ----------
     missed : (rows, quantities) ndarray
-        Errors of predictions of paths that the fit has not seen.
+        Errors of predictions on paths that were left out of the fit.
     folds, path : (rows,) ndarray
         Fold and path of each row; at least three folds.
     coverage : float
@@ -88,7 +88,7 @@ def contained_by_path(missed: np.ndarray, folds: np.ndarray, path: np.ndarray, c
     Returns
     -------
     (paths,) ndarray
-        Mean over the rows of a path and the quantities.
+        Fraction of each path, averaged over its rows and the quantities.
     """
     inside = np.empty(missed.shape)
     for fold in np.unique(folds):

@@ -11,7 +11,7 @@ from mitsuba_taxel.surrogates.calibration import Calibration
 from mitsuba_taxel.surrogates.polynomial import Polynomial
 
 LEAST_MISSED = 0.005
-"""Shortfall of a test that is said, if it is larger than its standard error, too."""
+"""Shortfall of the tested coverage above which a remark is made, if it also exceeds its standard error."""
 
 
 def printed_model(model: Polynomial, notes: Sequence[str]) -> Printed:

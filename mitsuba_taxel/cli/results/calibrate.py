@@ -26,8 +26,8 @@ from ..options import Fraction, debug_option, json_option, output_option
 )  # fmt: skip
 @click.option(
     "--over", multiple=True, type=click.Choice(["force", "depth", "place"]),
-    show_default="the force, or else the depth; and the place if it is varied",
-    help="What is computed from readings; may be repeated.",
+    show_default="the force if varied or measured, else the depth; and the place if varied",
+    help="Quantity to compute from readings; may be repeated.",
 )  # fmt: skip
 @json_option
 @debug_option
@@ -37,8 +37,8 @@ def command(
     """Fit a model of the forces, the depth or the place to the readings of the study in DIR, or of a bench measurement.
 
     The model is a polynomial of the readings, in volts if they are measured or the study has a circuit. It is
-    cross-validated on whole paths: curves of a study, or runs of a measurement. Intervals follow from the ranks of the
-    errors on paths that a fit has not seen.
+    cross-validated on whole paths: curves of a study, or runs of a measurement. Intervals follow from the ranks of
+    errors on paths that were left out of a fit.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.characterise import read_measurement

@@ -21,10 +21,10 @@ from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 DEPTH_TOLERANCE = 1e-10
 """Relative tolerance of the depth."""
 ROUNDING = 1e-7
-"""Relative change of the depth below which it is accepted as well, once it no longer falls to half: forces of states
-are as exact as their balance."""
+"""Relative change of the depth below which the depth is also accepted, if the change no longer falls to half: forces
+are only as exact as the balance of states."""
 HERTZ = 2 / 3
-"""Power of the force that is proportional to the depth in Hertz's contact of a sphere and a half-space."""
+"""Exponent p of Hertz's contact of a sphere and a half-space, where the depth is proportional to force^p."""
 MOST_SOLVES = 30
 DOWN = np.array([0.0, 0.0, -1.0])
 """Direction in which an indenter presses."""
@@ -89,7 +89,7 @@ def depth_of(
     follow: Callable[[np.ndarray], object],
     keep: Callable[[LoadSegment, Node], None],
 ) -> float:
-    """Depth of an indenter under a force, from disk or by following the segment along z.
+    """Depth of an indenter under a force, read from disk or found by following the segment along z.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ def depth_of(
     height : float
         Height of the pad in mm, which is the largest depth.
     follow : Callable[[ndarray], object]
-        Solves the path up to a displacement (3,) of the indenter in mm.
+        Function that solves the path up to a displacement (3,) of the indenter in mm.
     keep : Callable[[LoadSegment, Node], None]
-        Stores the state at the depth.
+        Stores the state at the found depth.
 
     Returns
     -------
@@ -125,7 +125,8 @@ def depth_of(
                 raise InputError("the indenter touches nothing, so no force can act on it: place it over the pad.")
             follow((math.floor(solved_to / segment.step + 0.5 / TICKS) + 1) * segment.step * DOWN)
 
-        # The depth between this node and the one before. The first guess is linear in the force to the power of 2/3.
+        # The depth lies between this node and the previous node. The first guess is linear in the force to the power of
+        # 2/3.
         after = next(k for k, node in enumerate(segment.nodes) if force_at(pad, segment, node) >= force)
         start, end = segment.nodes[after - 1 : after + 1]
         powers = [max(force_at(pad, segment, node) / force, 0.0) ** HERTZ - 1 for node in (start, end)]
@@ -142,7 +143,7 @@ def depth_of(
 
 
 def depth_name(segments: PathSegments, value: np.ndarray) -> str:
-    """The name under which the depth under a force (3,) is kept on disk."""
+    """Name under which the depth under a force (3,) is stored on disk."""
     return cache.key("depth", segments.name_of(segments.towards(np.zeros(3), DOWN)), value.tolist())
 
 
@@ -154,25 +155,26 @@ def under_force(
     ends: tuple[float, float],
     other_guess: np.ndarray | None = None,
 ) -> Node:
-    """The state in which an indenter presses with a force, from one at a depth nearby.
+    """State in which an indenter presses with a given force, solved from a state at a similar depth.
 
-    By Newton's method for the depth. Contact forces grow with the depth to a power of about 1.5, so that their power of
-    2/3 is nearly linear. Each solve starts from the last one, along its tangent, with its factor and flexibility.
+    The depth is found by Newton's method. Contact forces grow with the depth to a power of about 1.5, so the force to
+    the power of 2/3 is nearly linear in the depth. Each solve starts from the previous state, along its tangent, with
+    its factor and flexibility.
 
     Parameters
     ----------
     pad : IndentedPad
         The part of the pad that the segment along z needs.
     force : float
-        In N, downwards.
+        Downward force in N.
     s : float
         Depth at which the first state is solved, mm.
     guess : (unknowns,) ndarray
-        Its unknowns, roughly.
+        Approximate unknowns of the first state.
     ends : (float, float)
-        Depths in mm with less and with more force.
+        Two depths in mm, with a lower and with a higher force.
     other_guess : (unknowns,) ndarray, optional
-        Unknowns from which the first state is solved if that fails.
+        Unknowns from which the first state is solved if ``guess`` fails.
 
     Returns
     -------
@@ -182,7 +184,7 @@ def under_force(
     Raises
     ------
     Rejected
-        if there is no acceptable state, or no depth is found.
+        if no acceptable state or no depth is found.
     """
     (low, high), last_change, nearby = ends, math.inf, None
     for _ in range(MOST_SOLVES):
@@ -207,7 +209,7 @@ def under_force(
             seconds=time.perf_counter() - began,
         )
 
-        # The next depth, by the slope of the force's power.
+        # The next depth, by the slope of the force to the power of 2/3.
         pressed, stiffness = _force_and_stiffness(pad, moved, solution.unknowns, tangent)
         low, high = (s, high) if pressed < force else (low, s)
         middle = 0.5 * (low + high) if math.isfinite(high) else 2 * s

@@ -258,7 +258,7 @@ def pad_path(
     step_tolerance: float = INTERPOLATION_TOLERANCE,
     refinement: Refinement | None = None,
 ) -> PadPath:
-    """The path of these arguments, shared by all callers; defaults may be given or left out.
+    """The path of these arguments, shared by all callers; default arguments may be given or omitted.
 
     Parameters
     ----------

@@ -42,15 +42,14 @@ def lock_of(pad: AnyPad) -> Any:
     Returns
     -------
     threading.RLock
-        The same lock for all callers as long as it is in use.
+        The same lock for all callers while it is in use.
     """
     with _OF_LOCKS:
         return _LOCKS.setdefault(json.dumps(pad.identity, sort_keys=True), threading.RLock())
 
 
 class PathProblem:
-    """A pad, its material and load, and the elements on which it is solved, with the quantities that follow from these
-    alone.
+    """A pad, its material and load, its elements, and quantities computed from these alone.
 
     Parameters
     ----------

@@ -36,8 +36,8 @@ LIKELY = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Nearby:
-    """What a solve knows of the pad, for one under a slightly moved indenter: its unknowns, the factored tangent, and
-    the flexibility at the nodes that the indenter may touch."""
+    """Results of a solve that are reused for a slightly moved indenter: unknowns, factored tangent, and flexibility at
+    the nodes that the indenter may touch."""
 
     unknowns: np.ndarray
     linearised: Linearised
@@ -102,7 +102,7 @@ class IndentedPad(LoadedPad):
         return solution, nearby.linearised
 
     def solve_nearby(self, start: np.ndarray, value: np.ndarray, near: Nearby | None = None) -> tuple[Solution, Nearby]:
-        """See :meth:`solve_linearised`; what a solve nearby has factored is used as long as it converges fast.
+        """See :meth:`solve_linearised`; the factor of a similar state is reused as long as iterations converge fast.
 
         Parameters
         ----------
@@ -111,14 +111,14 @@ class IndentedPad(LoadedPad):
         value : (3,) ndarray
             Displacement of the indenter, mm.
         near : Nearby, optional
-            Result of a solve under an indenter that has hardly moved.
+            Result of a solve at a similar position of the indenter.
 
         Returns
         -------
         solution : Solution
             The equilibrium.
         nearby : Nearby
-            What is known of the pad there.
+            Results to reuse for similar positions of the indenter.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class IndentedPad(LoadedPad):
         if near is not None and balanced.linearised is near.linearised:
             distance = float(np.abs((balanced.unknowns - near.unknowns)[:displacements]).max())
 
-        # The factor of a state close by is used, if it suffices; else its memory is freed for the next one.
+        # The factor of a similar state is used if it suffices; else its memory is freed for a new factor.
         entries = self._entries(balanced, value)
         if balanced.linearised is None or distance > NEAR * np.abs(balanced.unknowns[:displacements]).max():
             balanced, contact = replace(balanced, linearised=None), None

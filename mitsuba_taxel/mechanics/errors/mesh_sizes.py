@@ -28,7 +28,8 @@ def mesh_size_for(pad: AnyPad, material: Material, load: Load, tolerance: float)
     """The coarsest of a sequence of mesh sizes [mm] whose error is within ``tolerance`` under a small load.
 
     The error is ``relative`` of :class:`RoofError`, for the change from rest under a small normal load and, if the load
-    has a direction, under a small tangential load. Under larger loads it may be larger, and is reported.
+    has a direction, under a small tangential load. Under larger loads the error may be larger; it is reported with the
+    state.
 
     Parameters
     ----------
@@ -76,9 +77,7 @@ def _height(pad: AnyPad) -> float:
     return pad.height if isinstance(pad, Pad) else float(np.ptp(pad.mesh(pad.default_mesh_size).points[:, 2]))
 
 
-def chosen_size(
-    pad: AnyPad, material: Material, load: Load, size: float | None, tolerance: float | None
-) -> float:
+def chosen_size(pad: AnyPad, material: Material, load: Load, size: float | None, tolerance: float | None) -> float:
     """The mesh size: the given size, the size that a tolerance requires, or the pad's default.
 
     Parameters

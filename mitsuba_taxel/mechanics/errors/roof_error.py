@@ -2,8 +2,8 @@
 
 A pad is solved on a second mesh, and the error is extrapolated from the difference (see
 `mitsuba_taxel.base.convergence`) with the actual ratio of element sizes, because thin walls and curves limit the
-mesher. Meshes are irregular, and two may agree by chance: the error is at least a value that is typical of pads with
-elements of this size.
+mesher. Meshes are irregular, and solutions on two meshes may agree by chance: the stated error is at least the typical
+error of pads with elements of this size.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
 
 
 def _seen(mesh: VolumeMesh) -> np.ndarray:
-    """Mask (B,) of the faces that light sees: those of cells or, without cells, the top."""
+    """Mask (B,) of the faces that reflect light: those of cells or, without cells, the top."""
     return mesh.face_cell > 0 if mesh.face_cell.any() else mesh.face_region == REGIONS["top"]
 
 

@@ -286,7 +286,7 @@ def carried_to(
     pressure: np.ndarray,
     moved: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
-    """A canonical state of a path; under an indenter, solved with the same state on another mesh as first guess.
+    """A canonical state of a path; under an indenter, solved from the same state on another mesh as first guess.
 
     Without friction a state does not depend on the path that leads to it.
 
@@ -314,7 +314,8 @@ def carried_to(
     figures : Interpolated
         Figures with the seconds of its solution.
     moved : ndarray
-        Displacement of the indenter in mm, which under a force is not that on the other mesh; else the value.
+        Displacement of the indenter in mm, which under a force differs from that on the other mesh; for other loads,
+        the value.
     """
     on, moved = (path, value) if path.load.driven is None or moved is None else (path.driven, moved)
     if on.load.moved_indenter is None or path.load.self_contact:  # walls of an interpolated state may intersect
@@ -349,8 +350,8 @@ def carried_to(
 
 
 def _on_path(path: PadPath, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
-    """The canonical state to which the path leads, and the displacement of an indenter under a force, else the
-    value."""
+    """The canonical state to which the path leads, and the displacement of an indenter under a force; for other loads,
+    the value."""
     state = path.canonical(value, [], None)
     return *state, value if path.load.driven is None else path.driven_to(value, None)
 

@@ -24,9 +24,9 @@ BESIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class WallPatches:
-    """Faces of a mesh, each with points of a lattice, which move with the elements of this or another mesh.
+    """Faces of a mesh with lattice points on each face, which move with the elements of this or another mesh.
 
-    The cells of built-in pads are equal, so that the faces of one cell serve for all.
+    The cells of built-in pads are equal, so that the faces of one cell represent all cells.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def _pad_html(pad: Pad) -> str:
 
 
 def _block_html(block: Block) -> str:
-    """A block's sections, with its dimensions."""
+    """Sections of a block, with its dimensions."""
     from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
 
     mesh = block.mesh(block.default_mesh_size)

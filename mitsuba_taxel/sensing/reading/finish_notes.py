@@ -27,15 +27,15 @@ def finish_notes(scene: mi.Scene) -> list[str]:
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        A loaded scene.
 
     Returns
     -------
     list[str]
-        A line for each wall, or pair of walls, with a finish; none for smooth cells.
+        One line for each wall, or pair of walls, with a finish; no lines for smooth cells.
     """
     finishes = [pad.finish for pad in deformed_pads(scene) if pad.finish is not None]
-    if not finishes:  # and nothing of the mechanics is imported
+    if not finishes:  # without an import of the mechanics
         return []
     from mitsuba_taxel.mechanics.surface.wall_finishes import by_walls
 
@@ -44,7 +44,7 @@ def finish_notes(scene: mi.Scene) -> list[str]:
 
 
 def _words(finish: Finish) -> str:
-    """The kind of a finish, its necessary parameters, and those that are not the default."""
+    """The kind of a finish, its required parameters, and parameters that differ from the default."""
     words = [next(word for word, kind in FINISHES.items() if kind is type(finish))]
     for field, parameter in parameters_of(type(finish)).items():
         value = getattr(finish, field)
@@ -55,7 +55,7 @@ def _words(finish: Finish) -> str:
 
 
 def merged_finishes(notes: Iterable[str]) -> list[str]:
-    """Notes of many readings, with one line for the finishes of a wall.
+    """Notes on many readings, with one line for all finishes of a wall.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def merged_finishes(notes: Iterable[str]) -> list[str]:
     Returns
     -------
     list[str]
-        In their order; of more than `MOST_NAMED` finishes of a wall, the first and last are named.
+        Notes in the given order; if a wall has more than `MOST_NAMED` finishes, the first and the last are named.
     """
     of_walls: dict[str, list[str]] = {}
     for note in notes:

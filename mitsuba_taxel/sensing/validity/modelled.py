@@ -85,7 +85,7 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
 
 
 def _refuse_blocks(scene: mi.Scene) -> None:
-    """Raise for a pad without cells, in which a photo-reflector has no room."""
+    """Raise for a pad without cells, as photo-reflectors need cells."""
     for pad in filter(is_pad, scene.shapes()):
         from mitsuba_taxel.pads import Block  # a scene without a pad omits it
 
