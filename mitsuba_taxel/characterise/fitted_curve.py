@@ -1,4 +1,4 @@
-"""Smooth curves through noisy readings along a force, with the errors of their slopes by noise and by the fit.
+"""Smooth curves through noisy readings along a force, with the errors of their slopes due to noise and to the fit.
 
 A curve is a sum of Legendre polynomials of the force. The coefficients of a smooth function fall geometrically with the
 degree (L. N. Trefethen, Approximation Theory and Approximation Practice, 2019, chapter 8). So the coefficient of degree
@@ -7,9 +7,9 @@ averaged with the weights that the readings give them (C. E. Rasmussen, C. K. I.
 Machine Learning, 2006, chapters 2 and 5). Degrees beyond the number of readings are included, so that what the readings
 do not resolve is part of the error.
 
-The slope is a weighted sum of the readings. Its error by noise follows from the scatter of the same sum over replicates
-that share their random numbers, whatever the correlation of the readings. Its error by the fit is the remaining part of
-the standard deviation of the slope, given the readings.
+The slope is a weighted sum of the readings. Its error due to noise follows from the scatter of the same sum over
+replicates that share their random numbers, whatever the correlation of the readings. Its error due to the fit is the
+remaining part of the standard deviation of the slope, given the readings.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class FittedSlopes(NamedTuple):
     fit_error : (P, C) ndarray
         Standard deviations of the slopes by the fit.
     interpolation_noise : (P, C) ndarray
-        Standard errors by noise of the slopes of the polynomial through all readings. A larger error by the fit shows
-        that the forces, rather than the replicates, are too few.
+        Standard errors due to noise of the slopes of the polynomial through all readings. A larger error by the fit
+        shows that the forces, rather than the replicates, are too few.
     values : (P, R, C) ndarray
         Readings of each replicate.
     value_fit_error : (P, C) ndarray

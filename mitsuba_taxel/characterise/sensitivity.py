@@ -1,4 +1,4 @@
-"""Sensitivity: the slope of a reading against force, with its error by light, mechanics and geometry."""
+"""Sensitivity: the slope of a reading against force, with its error due to light, mechanics and geometry."""
 
 from __future__ import annotations
 

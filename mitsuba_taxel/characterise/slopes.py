@@ -20,8 +20,8 @@ class Slopes(NamedTuple):
 
     If the run has tangents, these are slopes of the cubic curves through values and slopes, with the errors of the
     slopes. If the run is fitted and has at least `FEWEST` points, the largest slope and that at zero force are those of
-    the smooth curve through the readings, with the errors by noise and by the fit. Otherwise slopes are differences of
-    readings:
+    the smooth curve through the readings, with the errors due to noise and to the fit. Otherwise slopes are differences
+    of readings:
 
     ``max_slope`` : the slope of largest magnitude between neighbouring points, which the literature on this kind of
     sensor calls the sensitivity of a simulated taxel (paper, section 2.3). ``max_slope_at`` : the middle between these

@@ -112,7 +112,7 @@ def measure(
     irradiance : bool
         Whether to return the irradiance map.
     mechanics_error : bool
-        Whether to estimate the errors of readings by the errors of the pads' shape, by short traces.
+        Whether to estimate the errors of readings due to the errors of the pads' shape, by short traces.
     continued : Readings, optional
         Readings of the same scene and seed, of 256 points or more, that this run extends: with ``points`` the result
         equals that of a single run of as many points (under Mitsuba's own integrators it is an equally good estimate).
@@ -344,7 +344,7 @@ def _prepared(
         alternative = prepared_without_random_numbers(ready, scene, certain)
         if certain.light_share <= LIGHT_ERROR:
             return alternative
-    # Else the error by facets, the number of points, and the error by mechanics follow from short traces.
+    # Else short traces give the error due to facets, the number of points, and the error due to mechanics.
     geometry = FLAT
     if mechanics_error:
         tolerance = NEGLIGIBLE * (0.0 if points else target_error or LIGHT_ERROR)

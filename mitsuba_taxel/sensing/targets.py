@@ -71,9 +71,9 @@ DEVIATION_SHARE = 4
 """Points of a reading, relative to those of the longest of these traces: a change has a fifth of the noise of a
 reading."""
 GEOMETRY_POINTS = 64
-"""Points of the first traces for the error by facets, which the first pilot run continues."""
+"""Points of the first traces for the error due to facets, which the first pilot run continues."""
 GEOMETRY_SHARE = 8
-"""Points of a reading, relative to those of each of the two longest traces for the error by facets."""
+"""Points of a reading, relative to those of each of the two longest traces for the error due to facets."""
 CLEAR, NEGLIGIBLE = 1 / 3, 0.2
 """Largest uncertainty of the error by mechanics or facets, relative to this error, and relative to a target error."""
 _MOST_MORE = 16
@@ -94,8 +94,8 @@ in nearly all scenes."""
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
-    """Error of a scene's readings by facets: by their positions and by random heights (from a short trace each, beside
-    that of the readings), and by their tilts.
+    """Error of a scene's readings due to facets: their positions and random heights (each from one more short trace
+    than that of the readings), and their tilts.
 
     The number of points is chosen as in :func:`mechanics_of`.
 
@@ -176,7 +176,7 @@ def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> Sha
 
 
 def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> MechanicsEstimate:
-    """Error of a scene's readings by the mechanics, from three short traces, or four with mirrors.
+    """Error of a scene's readings due to the mechanics, from three short traces, or four with mirrors.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
 
 
 def geometry_points(points: int) -> int:
-    """Largest number of points of the traces for the error by facets, from the number of points of the readings."""
+    """Largest number of points of the traces for the error due to facets, from the number of points of the readings."""
     return min(max(points // GEOMETRY_SHARE, GEOMETRY_POINTS), FIRST_POINTS)
 
 
@@ -280,7 +280,7 @@ def prepare_for(
     Returns
     -------
     PreparedFor
-        The scene, its errors by the shape, and the settings for the light.
+        The scene, its errors due to the shape, and the settings for the light.
     """
     scene = described(scene)
     ready, seconds = _timed(scene)

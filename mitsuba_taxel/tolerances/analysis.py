@@ -38,14 +38,14 @@ class Tolerance:
     spread : DataFrame
         One row per figure (``rest``, ``sensitivity``, with a circuit ``noise_force`` and ``saturation_force``, and
         ``crosstalk``) and taxel that all samples have: ``unit``; ``nominal``, with all parameters at their mean, and
-        ``nominal_error``, its standard error by light, mechanics and geometry, NaN where it is not known;
-        ``mean``, ``sd``, ``low`` and ``high`` (5 and 95 %) of the samples, each with its standard error such as
-        ``mean_error``; ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear
-        prediction over the samples, relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of
-        the variance predicted by the polynomial behind the indices. With ``exact`` below the number of samples:
-        ``mean``, ``sd``, ``low`` and ``high`` of the linear answer of all samples, corrected by the exact ones;
-        ``linear_error`` and ``explained`` over the exact ones; and ``linear_explained``, the share of their variance
-        explained by their linear answer.
+        ``nominal_error``, its standard error due to light, mechanics and geometry, NaN where it is not known; ``mean``,
+        ``sd``, ``low`` and ``high`` (5 and 95 %) of the samples, each with its standard error such as ``mean_error``;
+        ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear prediction over
+        the samples, relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of the variance
+        predicted by the polynomial behind the indices. With ``exact`` below the number of samples: ``mean``, ``sd``,
+        ``low`` and ``high`` of the linear answer of all samples, corrected by the exact ones; ``linear_error`` and
+        ``explained`` over the exact ones; and ``linear_explained``, the share of their variance explained by their
+        linear answer.
     shares : DataFrame
         One row per figure, taxel and parameter, or factor that scales several: ``rate``, the figure's derivative in
         ``unit``; its ``linear`` share of the variance; the ``first`` and ``total`` Sobol' indices with their errors;

@@ -94,7 +94,7 @@ class Direct:
         return len(self._subpatches.face) != len(self._emission.positions) or bool((self._subpatches.side != 1).any())
 
     def reception_errors(self, positions: np.ndarray | None = None) -> np.ndarray:
-        """Errors of the reading by the light that the phototransistor accepts from each subpatch.
+        """Errors of the reading due to the light that the phototransistor accepts from each subpatch.
 
         Parameters
         ----------

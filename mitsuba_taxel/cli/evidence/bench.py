@@ -93,7 +93,7 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 @markdown_option
 @debug_option
 def coverage_command(only: str | None, part: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare the stated errors of readings by the finite elements with the true errors.
+    """Compare the stated errors of readings due to the finite elements with the true errors.
 
     Settings of pads and loads are read one by one, each in its own process, the fastest first. Then errors of figures
     that need no pad are counted on synthetic data: recordings, tolerances, fits, calibrations, exported models,
@@ -206,7 +206,8 @@ def slopes_command(markdown: Path | None) -> None:
 @markdown_option
 @debug_option
 def rough_command(markdown: Path | None) -> None:
-    """Slopes of cells with a finish or rough mirrors, with their errors by light, curve and elements, and the time."""
+    """Slopes of cells with a finish or rough mirrors, with their errors due to light, curve and elements, and the
+    time."""
     from mitsuba_taxel.evidence.domes.rough_slopes import RoughRow, rough_slopes, write_page
     from mitsuba_taxel.evidence.rows.row import cells, headings
 

@@ -20,19 +20,21 @@ def command(ctx: click.Context, as_json: bool) -> None:
     from mitsuba_taxel.check.selfcheck import run_checks
     from mitsuba_taxel.mechanics import available_solvers
 
-    from ..tables import print_json
+    from ..tables import print_json, say
 
     facts = backend.report() | {"linear solvers": available_solvers()}
     checks = run_checks()
     if as_json:
         print_json(facts | {"checks": [check._asdict() for check in checks]})
     else:
-        for name, fact in facts.items():
-            click.echo(f"{name}: {_words(fact)}")
-        if remark := backend.work_of_processor(backend.wanted_variant()):
-            click.echo(remark)
+        failed = [check.name for check in checks if not check.passed]
+        say(f"The installation fails in: {', '.join(failed)}." if failed else "The installation works.")
         for check in checks:
-            click.echo(f"{check.name} {'ok' if check.passed else 'FAILED'}: {check.detail}")
+            say(f"{check.name} {'ok' if check.passed else 'FAILED'}: {check.detail}")
+        for name, fact in facts.items():
+            say(f"{name}: {_words(fact)}")
+        if remark := backend.work_of_processor(backend.wanted_variant()):
+            say(remark)
     ctx.exit(0 if all(check.passed for check in checks) else 1)
 
 

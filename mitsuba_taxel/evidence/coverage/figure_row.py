@@ -8,7 +8,7 @@ from typing import Any
 
 FIGURES = ("mean_slope", "max_slope", "zero_slope", "relative_slope", "nonlinearity", "hysteresis")
 TARGETS = {"default": None, "permille_2": 0.002, "permille_1": 0.001}
-"""Target errors of the sweeps by the name that columns have."""
+"""Target errors of the sweeps, by the names in columns."""
 KINDS = ("value", "error")
 
 _TRUE = ("true", "noise", "further")

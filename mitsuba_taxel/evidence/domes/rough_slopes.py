@@ -45,11 +45,11 @@ class RoughRow:
     points : int
         Number of light paths per replicate.
     reading : float
-        Relative error of the worst reading by the light.
+        Relative error of the worst reading due to light.
     slope, light, shape : float
-        Mean slope in µW/N, and its errors by light and by finite elements and facets.
+        Mean slope in µW/N, and its errors due to light, and due to finite elements and facets.
     largest : float
-        Error of the largest slope by light and curve.
+        Error of the largest slope due to light and curve.
     seconds : float
         CPU seconds of the study.
     plain : float
@@ -90,11 +90,11 @@ walls other than the roof absorb, and Lambertian roofs reflect 90 %.
 
 {table}
 
-- **points**: paths of each of 32 randomisations. **reading**: error of the worst reading by the light.
-- **slope**: the mean slope. **light**, **shape**: its error by the light, and by finite elements and facets.
-- **largest slope**: error of the largest slope by light and by the [curve](theory/derivatives.md) between the loads.
+- **points**: paths of each of 32 randomisations. **reading**: error of the worst reading due to light.
+- **slope**: the mean slope. **light**, **shape**: its error due to light, and due to finite elements and facets.
+- **largest slope**: error of the largest slope due to light and the [curve](theory/derivatives.md) between the loads.
 - **CPU s**: CPU time of the study, with the mechanics and all errors.
-- **shared numbers**: error of the mean slope by the light, if the readings at both ends are traced with as many paths
+- **shared numbers**: error of the mean slope due to light, if the readings at both ends are traced with as many paths
   that share their random numbers. With a finish the study uses [paths through material
   points](theory/derivatives.md#paths-through-material-points) instead.
 """

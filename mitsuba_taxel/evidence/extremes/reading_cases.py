@@ -36,7 +36,7 @@ ROUNDING = 1e-6
 OF_TIME_STEPS = 1e-4
 """Relative error of readings due to time steps, and to relaxation during a short rise of the load."""
 OF_QUADRATURE = 2e-3
-"""Relative error of the power under a mirror by quadrature."""
+"""Relative error of the power under a mirror due to quadrature."""
 VCNT2020 = Path(parts.__file__).parent / "catalogue" / "vcnt2020.toml"
 MIRROR = """<scene version="3.9.0">
     <shape type="photo_reflector">

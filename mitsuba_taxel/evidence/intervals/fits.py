@@ -32,7 +32,7 @@ class _FitSetting(NamedTuple):
     bound : bool
         Whether a bound of the first unknown is close to the truth.
     elements, light : float
-        Largest relative error of the model by finite elements, and by the light of one randomisation.
+        Largest relative error of the model due to finite elements, and due to the light of one randomisation.
     along : str
         Course of the elements' error along the path: ``displacement``, proportional to it, or ``walk``, a random walk.
     """
@@ -107,7 +107,7 @@ def _exact_readings(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _element_errors(kind: _FitSetting, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Relative error of each reading by the finite elements, and its standard deviation as a study states it."""
+    """Relative error of each reading due to the finite elements, and its standard deviation as a study states it."""
     deviation = kind.elements * FORCE
     if kind.along == "displacement":
         return deviation * random.normal(), deviation

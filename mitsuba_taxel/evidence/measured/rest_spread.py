@@ -58,7 +58,7 @@ class Spread(NamedTuple):
     all, without_gain : float
         Standard deviation of the reading, in percent of its mean, by all parameters and by all except the gain.
     all_error, without_gain_error : float
-        Errors of these by the finite number of samples.
+        Errors of these due to the finite number of samples.
     gain : float
         Standard deviation of the gain alone, in percent.
     """

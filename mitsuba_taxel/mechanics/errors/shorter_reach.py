@@ -19,8 +19,8 @@ from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 CLOSER = 0.5
 """Reach and size of the feet in that state, relative to the usual ones."""
 REMAINDER = 2.0
-"""Error by the reach, relative to the change with half of it: the error is proportional to the reach, and falls faster
-with the size of the feet."""
+"""Error due to the reach, relative to the change with half the reach: the error is proportional to the reach, and falls
+faster with the size of the feet."""
 
 
 class _Closer(NamedTuple):

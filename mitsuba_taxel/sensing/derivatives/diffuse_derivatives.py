@@ -134,7 +134,7 @@ class _Linearised:
         scale = np.array([_scale(change, self.cells.pad.value) for change in changes])
         blocked = 2 * hidden * reading / np.where(scale > 0, scale, np.inf)
 
-        # Errors by the light, by the finite elements, and by occluded light are independent.
+        # Errors due to the light, the finite elements, and occluded light are independent.
         light = np.array([cell.light_errors for cell in solved])
         mechanics, of_reading = np.zeros_like(light[:, 1:]), np.zeros_like(reading)
         if displaced:
@@ -245,7 +245,8 @@ class _CellRates:
         return np.array([(change * velocity).sum() for velocity in self._velocities])
 
     def _conservation_error(self, cell: Cell, values: np.ndarray) -> np.ndarray:
-        """Errors (P,) of the derivatives by the light between the walls and LED and phototransistor, and by quadrature.
+        """Errors (P,) of the derivatives due to the light between walls, LED and phototransistor, and due to
+        quadrature.
 
         Raises
         ------

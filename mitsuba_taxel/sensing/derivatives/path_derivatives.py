@@ -2,8 +2,8 @@
 
 Walls of a pad move with the first-order rates of the mechanics, and the readings of a difference share their random
 numbers. Differences over a step and over twice the step are extrapolated (L. F. Richardson, 1911). The correction is
-the error by the step, and the scatter of independent randomisations that by noise. Pilot runs with other random numbers
-choose the step.
+the error due to the step; the scatter of independent randomisations gives the error due to noise. Pilot runs with other
+random numbers choose the step.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LEVELS, FINER = 4, 2
 PILOT = 16
 """Index of the pilot runs' random numbers among those derived from a seed; readings use indices up to 15."""
 NOISE = 0.02
-"""Target of the standard error by noise, relative to the root mean square of the derivative over the taxels."""
+"""Target of the standard error due to noise, relative to the root mean square of the derivative over the taxels."""
 MORE_POINTS = 2
 """Most points of a derivative, relative to those of the reading."""
 
@@ -237,7 +237,7 @@ class _AlongWithPad(_Along):
         return errors
 
     def _mechanics_error(self, chosen: _Chosen, differences: _Differences, derivative: np.ndarray, mean: Mean) -> float:
-        """Error by the finite elements, from a second mesh; NaN if unknown."""
+        """Error due to the finite elements, from a second mesh; NaN if unknown."""
         second, linear = self._pad.second, self._pad.second_linear
         if second is None or linear is None:
             return math.nan

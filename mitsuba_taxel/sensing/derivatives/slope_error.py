@@ -1,4 +1,4 @@
-"""Errors of derivatives by the finite elements, from the same derivatives on a second mesh."""
+"""Errors of derivatives due to the finite elements, from the same derivatives on a second mesh."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def unknown(count: int) -> Comparison:
 def mechanics_errors(
     comparisons: list[Comparison], reading: np.ndarray, second: SecondState | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of derivatives and readings by the finite elements.
+    """Errors of derivatives and readings due to the finite elements.
 
     The change by kinks is an error of each taxel. In the rest of the change two meshes may agree by chance: it is
     averaged over all cells that receive light, and a part of the changes by patches is added as if they were

@@ -24,11 +24,11 @@ FINE, COARSE = 2, 1
 READING_SHARE = 0.1
 """Standard deviation of a reading, relative to its difference from the reading by the coarser solution."""
 MOST_OFF = 0.01
-"""Largest relative error of a reading, by the power of LEDs on walls and by the light that phototransistors accept,
-with which derivatives are computed."""
+"""Largest relative error of a reading with which derivatives are computed; it is estimated from the power of LEDs on
+walls and from the light that phototransistors accept."""
 HOPELESS = 0.1
-"""Relative error of the coarser solution, by the light that phototransistors accept, above which no finer solution is
-tried: it takes longer, and its error is at least a tenth of that."""
+"""Relative error of the coarser solution, estimated from the light that phototransistors accept, above which no finer
+solution is tried: it takes longer, and its error is at least a tenth of that of the coarser solution."""
 MOST_HIDDEN = 3e-3
 """Largest fraction of a reading on paths that walls occlude. These paths are followed as if nothing occluded them."""
 
@@ -93,7 +93,7 @@ def deterministic_light(
     occluded = {number: cells.occluded_fraction(*cell.flows) for number, cell in solved.items()}
     if max(occluded.values()) > MOST_HIDDEN:
         return None
-    # Readings, and errors by light and by mechanics.
+    # Readings, and errors due to light and mechanics.
     led = np.array([taxel.power for taxel in cells.taxels])
     power = led * [solved[number].reading for number in first]
     error = np.hypot(led * [solved[number].error for number in first], power * [occluded[number] for number in first])

@@ -352,7 +352,7 @@ class DiffuseCells:
         return self.taxels[number].error_factor * (EDGED if self.cells[number].has_edges else 1.0)
 
     def quadrature_error(self, number: int) -> float:
-        """Relative error of a reading by the quadrature, which is the same in all solutions."""
+        """Relative error of a reading due to the quadrature, which is the same in all solutions."""
         cell = self.cells[number]
         if not cell.has_edges:
             return QUADRATURE

@@ -67,7 +67,7 @@ class Taxel:
 
     @property
     def error_factor(self) -> float:
-        """Factor of the error of the light by the laws of the taxel; see :meth:`DiffuseCells.error_factor`."""
+        """Factor of the error of the light due to the laws of the taxel; see :meth:`DiffuseCells.error_factor`."""
         return KINKED if self.led.law.has_kinks or self.phototransistor.law.has_kinks else 1.0
 
     @property

@@ -1,4 +1,4 @@
-"""Error of readings by the facets of curved walls, and by those of random heights.
+"""Error of readings due to the facets of curved walls and of random heights.
 
 Light is traced once more with triangles that are chords. The triangles used for readings match the walls on average:
 the remaining error is of the same order in their size as the correction, and a small part of it. That is so as long as

@@ -1,4 +1,4 @@
-"""Error of readings by the mechanics: light is traced again through pads displaced by each component of this error.
+"""Error of readings due to the mechanics: light is traced again through pads displaced by each component of this error.
 
 All traces have the same random numbers, so that few points resolve a small change. A reading may rise with one
 component and fall with another. Their sizes are known but not their signs, so that a sum could cancel by chance.

@@ -36,7 +36,7 @@ class Settings(NamedTuple):
 
 
 class MechanicsEstimate(NamedTuple):
-    """Error of readings by the mechanics.
+    """Error of readings due to the mechanics.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class MechanicsEstimate(NamedTuple):
 
 
 class FacetsEstimate(NamedTuple):
-    """Error of readings by the flat triangles of curved walls and of random heights.
+    """Error of readings due to the flat triangles of curved walls and of random heights.
 
     Attributes
     ----------
@@ -80,9 +80,9 @@ class ShapeErrors(NamedTuple):
     Attributes
     ----------
     mechanics : MechanicsEstimate
-        Error by the finite elements.
+        Error due to the finite elements.
     geometry : FacetsEstimate
-        Error by the triangles of curved walls; without random numbers, by the discretisation of the light.
+        Error due to the triangles of curved walls; without random numbers, by the discretisation of the light.
     power : (T,) ndarray or None
         Readings in W, if computed without random numbers.
     """
@@ -108,7 +108,7 @@ class ShapeErrors(NamedTuple):
 
     @property
     def light_share(self) -> float:
-        """Relative error by the geometry; without random numbers, the error of the light of the worst reading."""
+        """Relative error due to the geometry; without random numbers, the error of the light of the worst reading."""
         if self.power is None or self.geometry.facets is None:
             return self.geometry.share
         return FACETS_SHARE * largest_share(np.abs(self.geometry.facets), self.power)

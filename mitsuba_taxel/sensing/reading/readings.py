@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
-    """Relative error of readings by the finite elements.
+    """Relative error of readings due to the finite elements.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
 
 
 def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
-    """Relative error of readings by the facets.
+    """Relative error of readings due to the facets.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ class Crosstalk:
 
     @property
     def total_error(self) -> np.ndarray:
-        """Total error (T, T) in W: root of the sum of the squares of both errors, without the error by facets."""
+        """Total error (T, T) in W: root of the sum of the squares of both errors, without the error due to facets."""
         return np.hypot(self.standard_error, self.mechanics_error)
 
 
@@ -463,7 +463,7 @@ def light_error_line(readings: Readings) -> str:
 
 
 def crosstalk_text(crosstalk: Crosstalk, width: int | None = None) -> str:
-    """The power that each LED brings to each phototransistor, each with its error by light and finite elements.
+    """The power that each LED brings to each phototransistor, each with its error due to light and finite elements.
 
     Parameters
     ----------
