@@ -7,10 +7,10 @@ import sys
 
 
 def annotations_of(class_: type) -> dict[str, str]:
-    """Annotations of a class itself, not of its bases.
+    """Annotations of a class, without those of its bases.
 
-    Python 3.14 evaluates annotations when they are asked for, and some name what only type checkers import: there, the
-    source is returned.
+    Python 3.14 evaluates annotations on request, but some annotations contain names that only type checkers import:
+    their source is returned.
 
     Parameters
     ----------

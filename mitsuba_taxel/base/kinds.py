@@ -118,7 +118,7 @@ def import_all(package: str, path: Iterable[str]) -> None:
 
 
 def _abstract_methods(cls: type) -> set[str]:
-    # Looked up without evaluation: annotations, which are among the attributes, may name what is not imported.
+    # Attributes are looked up without evaluation, as annotations may contain names that are not imported.
     members = ((name, inspect.getattr_static(cls, name, None)) for name in dir(cls))
     return {name for name, member in members if getattr(member, "__isabstractmethod__", False)}
 

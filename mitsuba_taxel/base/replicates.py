@@ -32,10 +32,10 @@ def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
 
 
 def largest_scatter_share(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
-    """Largest share that one replicate has in the sum of squared deviations from the mean.
+    """Largest contribution of one replicate to the sum of squared deviations from the mean.
 
-    Of 32 replicates with a normal distribution, one has more than half of the sum in 1 of 8600 cases. More than half
-    is therefore a sign of rare large values, such that :func:`standard_error` is uncertain.
+    For 32 replicates with a normal distribution, one replicate contributes more than half of the sum in 1 of 8600
+    cases. More than half is therefore a sign of rare large values, with which :func:`standard_error` is uncertain.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def largest_scatter_share(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
     Returns
     -------
     ndarray
-        From 0 to 1, without that axis; 0 if all replicates are equal.
+        Fraction from 0 to 1, without that axis; 0 if all replicates are equal.
     """
     squares = (replicates - replicates.mean(axis=axis, keepdims=True)) ** 2
     total = squares.sum(axis=axis)

@@ -65,7 +65,7 @@ def regions_with(bsdf: mi.BSDF, flags: mi.BSDFFlags) -> list[int]:
 
 
 def clear_regions(bsdfs: list[mi.BSDF]) -> list[int]:
-    """Codes of the regions whose wall is the BSDF ``null``, which light passes unchanged.
+    """Codes of the regions whose wall is the BSDF ``null``, through which light passes unchanged.
 
     Parameters
     ----------

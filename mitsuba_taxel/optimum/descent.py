@@ -196,7 +196,7 @@ def best_step(x: np.ndarray, here: Linearisation, curvature: np.ndarray, radius:
     rates, offset = np.vstack([above, within]), np.append(-here.goals, here.limits + violation + 1e-9)
     minimise: Any = minimize
     with warnings.catch_warnings():
-        # SciPy before 1.16, the only one for Python 3.10, warns where it corrects a rounding error of its own steps.
+        # SciPy before 1.16 warns if it corrects a rounding error of its steps. Python 3.10 has no newer SciPy.
         warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
         solution = minimise(
             lambda z: 0.5 * z[:count] @ curvature @ z[:count] + z[count],

@@ -1,6 +1,6 @@
 """The image of a camera behind a pad without cells, with its standard error and its depth at each pixel.
 
-Light is traced by Mitsuba's own integrators. Independent replicates give the standard error.
+Light is traced by Mitsuba's integrators. Independent replicates give the standard error.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 SAMPLES, REPLICATES = 16, 16
-"""Default number of samples of each pixel and replicate, and number of replicates."""
+"""Default number of samples per pixel and replicate, and number of replicates."""
 MOST_SAMPLES = 2**20
-"""Largest number of samples of each pixel and replicate."""
+"""Largest number of samples per pixel and replicate."""
 BYTES_PER_SAMPLE = 400
-"""Memory of a path that is traced, measured with scenes of a few plugins."""
+"""Memory in bytes per traced path, measured with scenes of a few plugins."""
 PATHS_AT_ONCE = 2**21
-"""Largest number of paths that are traced at once, unless an image has more pixels."""
+"""Largest number of paths traced at the same time, unless an image has more pixels."""
 MOST_SURFACES = 16
-"""Number of clear surfaces that the depth looks through."""
+"""Largest number of clear surfaces through which the depth is measured."""
 MARGIN = 1.2
-"""Factor on the samples that a target error needs."""
+"""Factor on the number of samples needed for a target error."""
 BRIGHTEST = 99.5
 """Percentile of the image that is white in the PNG."""
 
@@ -53,20 +53,20 @@ class CameraImage:
     radiance : (H, W, C) ndarray
         Mean of the replicates, in the units of the scene's lights: red, green and blue, or one channel.
     standard_error : (H, W, C) ndarray
-        Its standard error, 1 sigma.
+        Standard error of the radiance, 1 sigma.
     depth : (H, W) ndarray
-        Distance of the first surface that is not clear from the plane of the camera, along its axis, at the centre of
-        each pixel, mm; NaN where there is none.
+        Distance in mm, along the axis of the camera, from its plane to the first surface that is not clear, at the
+        centre of each pixel; NaN without such a surface.
     coat : (H, W) ndarray of bool
-        Whether this surface is the top of a pad without cells.
+        Whether that surface is the top of a pad without cells.
     samples : int
-        Of each pixel and replicate.
+        Number of samples per pixel and replicate.
     replicates : int
         Number of independent replicates.
     seed : int
-        Of the random numbers.
+        Seed of the random numbers.
     seconds : float
-        Time of the light, s.
+        Time of tracing light, in s.
     """
 
     radiance: np.ndarray
@@ -80,7 +80,7 @@ class CameraImage:
 
     @property
     def relative_error(self) -> float:
-        """Root mean square of the relative standard errors of all pixels on the coat that are not black."""
+        """Root mean square of the relative standard errors of all pixels on the coat, without black pixels."""
         mean, error = self.radiance[self.coat], self.standard_error[self.coat]
         bright = mean > 0
         return float(np.sqrt(np.square(error[bright] / mean[bright]).mean())) if bright.any() else math.nan
@@ -100,14 +100,14 @@ def camera_image(
     Parameters
     ----------
     scene : Scene or mi.Scene
-        With one camera, lights of Mitsuba, one of its integrators, and a pad without cells.
+        Scene with one camera, lights of Mitsuba, an integrator of Mitsuba, and a pad without cells.
     samples : int, optional
-        Samples of each pixel and replicate, by default `SAMPLES`.
+        Number of samples per pixel and replicate, by default `SAMPLES`.
     target_error : float, optional
-        Instead of samples, the `CameraImage.relative_error` to be reached; a pilot image, which does not enter the
-        result, gives the number of samples.
+        Instead of samples, the target for `CameraImage.relative_error`. The number of samples follows from a pilot
+        image, which is not part of the result.
     seed : int
-        Whole number from 0 to 2**32 - 1.
+        Seed of the random numbers, from 0 to 2**32 - 1.
     progress : Callable[[int, int], None], optional
         Called with (replicates done, all replicates).
 
@@ -119,7 +119,7 @@ def camera_image(
     Raises
     ------
     InputError
-        if a value is not allowed, the scene has no camera or several, no light, an integrator or lights of
+        if a value is not allowed; if the scene has no camera or several cameras, no light, an integrator or lights for
         photo-reflectors, or an image larger than memory; or if the camera does not see the coat of a pad.
     """
     check_seed(seed)
@@ -171,7 +171,7 @@ def _camera_of(scene: mi.Scene) -> mi.Sensor:
 
 
 def _refuse_large(camera: mi.Sensor) -> None:
-    """Raise for a film whose image needs more memory than there is."""
+    """Raise for a film whose image does not fit into the free memory."""
     from mitsuba_taxel.mechanics.elements.memory import free_memory
 
     width, height = map(int, camera.film().crop_size())
@@ -191,7 +191,7 @@ def _replicates(
     run: int,
     progress: Callable[[int, int], None] | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard error (H, W, C) of independent images; their seeds are those of a ``run``."""
+    """Mean and standard error (H, W, C) of independent images, with seeds derived from ``run``."""
     import mitsuba as mi
 
     width, height = map(int, camera.film().crop_size())
@@ -214,9 +214,10 @@ def _replicates(
 
 
 def _depth(scene: mi.Scene, camera: mi.Sensor) -> tuple[np.ndarray, np.ndarray]:
-    """Depth (H, W) in mm at the centres of pixels, and where the coat is seen; raises `InputError` if it is nowhere.
+    """Depth (H, W) in mm at the centres of pixels, and mask of pixels that show the coat; raises `InputError` if none
+    does.
 
-    Clear surfaces, which only transmit, are passed, with refraction."""
+    Rays pass through clear surfaces, which only transmit, with refraction."""
     import drjit as dr
     import mitsuba as mi
 
@@ -269,7 +270,7 @@ def write_image(image: CameraImage, file: Path) -> Path:
     """Write an image as OpenEXR and, beside it, as PNG.
 
     The channels of the EXR are ``R``, ``G`` and ``B``, or ``Y``; ``standard_error.R`` and so on; and ``depth`` in mm.
-    The PNG has the brightest pixels, those above a percentile of `BRIGHTEST`, in white.
+    In the PNG, pixels above the percentile `BRIGHTEST` are white.
 
     Parameters
     ----------

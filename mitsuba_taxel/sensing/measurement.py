@@ -71,7 +71,7 @@ if TYPE_CHECKING:
 LIGHT_ERROR = 0.005
 """Default relative standard error of the light."""
 MOST_OF_SCATTER = 0.5
-"""Share of one replicate in the scatter of all, above which rare paths are noted."""
+"""Contribution of one replicate to the scatter of all replicates above which a note warns of rare paths."""
 
 
 # The scene must be deleted, too, before another scene is traced: Dr.Jit finds its shapes while they are destroyed.
@@ -417,7 +417,7 @@ def crosstalk(
 
 
 def _remarks(result: Readings, light_error: float | None, target_error: float | None, points: int | None) -> list[str]:
-    """Remarks on targets that were missed, the mesh that was chosen, the time budget, dark taxels and rare paths."""
+    """Remarks on missed targets, the chosen mesh, the time budget, dark taxels and rare paths."""
     notes = []
     if light_error is not None and light_error < result.relative_error < math.inf:
         notes.append(

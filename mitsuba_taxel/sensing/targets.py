@@ -113,7 +113,7 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
     Returns
     -------
     FacetsEstimate
-        Changes of readings in W by positions, heights and tilts, the relative error, and the pilot run.
+        Changes of readings in W due to positions, heights and tilts, the relative error, and the pilot run.
     """
     is_curved, is_random = bool(curved_pads(ready.scene)), has_random_heights(ready.scene)
     if not (is_curved or is_random):
@@ -134,7 +134,7 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
             error, noise = (geometry_share(change, power) for change in (facets[-1], standard_error(changes)))
             factor = max(factor, _factor_of_points(error, noise, tolerance))
         if factor == 1 or points >= most:
-            if is_random:  # this change may be below its noise, which is then the error that is known
+            if is_random:  # this change may be below its noise, which is then the stated error
                 facets[-1] = np.copysign(np.hypot(facets[-1], standard_error(changes)), facets[-1])
             all_of_them = np.sqrt(sum(np.square([*facets, tilt / FACETS_SHARE * power])))
             heights = geometry_share(facets[-1], power) if is_random else 0.0

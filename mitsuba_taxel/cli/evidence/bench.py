@@ -332,19 +332,19 @@ def speed_command(target_error: float) -> None:
     default="3,6,9,12",
     show_default=True,
     metavar="N,...",
-    help="Rows and columns of the square pads; a pad of 32 x 32 cells takes some 12 GB.",
+    help="Rows and columns of the square pads; a pad of 32 x 32 cells takes about 12 GB.",
 )
-@click.option("--ball", is_flag=True, help="Press a ball off the centre, which leaves no symmetry.")
+@click.option("--ball", is_flag=True, help="Press a ball off the centre, so that nothing is symmetric.")
 @click.option(
     "--seconds",
     type=click.FloatRange(0, min_open=True),
     default=600.0,
     show_default=True,
-    help="Longest time for a pad, on the clock.",
+    help="Longest wall time for a pad.",
 )
 @debug_option
 def cells_command(sides: str, ball: bool, seconds: float) -> None:
-    """Read square pads of more and more parallelepiped cells once, each in its own process."""
+    """Read square pads with more and more parallelepiped cells, each in a separate process."""
     from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.evidence.accuracy.many_cells import ManyCellsRow, growth_line, many_cells
     from mitsuba_taxel.evidence.rows.row import cells, headings

@@ -22,7 +22,7 @@ from ..options import (
 )
 
 COLOURS = "llvm_ad_rgb"
-"""Variant for images, unless another one is set."""
+"""Variant for images, unless another variant is set."""
 
 
 @click.command(short_help="Readings of one scene, with standard errors.")
@@ -117,7 +117,7 @@ def command(
 
 
 def _render_image(description, target_error, points, seed, output, as_json, refused) -> None:
-    """Write the image of the camera of a scene as EXR and PNG, and print what it holds."""
+    """Write the image of the camera of a scene as EXR and PNG, and print its contents and errors."""
     import os
 
     import mitsuba as mi

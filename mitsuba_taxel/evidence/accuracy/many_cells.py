@@ -1,4 +1,4 @@
-"""CPU time, memory and error of one reading of pads of more and more cells."""
+"""CPU time, memory and error of one reading of pads with more and more cells."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from mitsuba_taxel.mechanics.load_paths import load_path
 from mitsuba_taxel.pads.parametric.pad import Pad
 
 PER_CELL = -1.0
-"""Normal force on a pad in N for each of its cells."""
+"""Normal force in N per cell of the pad."""
 BALL = IndenterDisplacement(Indenter("sphere", radius=4.0, at=(0.9, 0.4)))
-"""A ball off the centre, under which a pad has no symmetry."""
+"""A ball off the centre, under which the loaded pad has no symmetry."""
 DEPTH = -0.3
-"""Its displacement in mm."""
+"""Displacement of the ball in mm."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class ManyCellsRow:
     reading : float
         CPU seconds of the light.
     mechanics_error : float
-        Relative error of the worst reading by the finite elements; NaN if it is unknown.
+        Relative error of the worst reading due to the finite elements; NaN if unknown.
     light_error : float
-        Relative error of the worst reading by the light and its triangles.
+        Relative error of the worst reading due to the light and its triangles.
     megabytes : float
-        Peak memory.
+        Peak memory in MB.
     verdict : str
         How the process ended.
     cells : int
@@ -79,7 +79,7 @@ class ManyCellsRow:
 
     @property
     def seconds(self) -> float:
-        """CPU seconds of all."""
+        """CPU seconds of all stages."""
         return self.mechanics + self.second_mesh + self.reading
 
 
@@ -103,7 +103,7 @@ class ManyCells:
         return f"{self.side} x {self.side}, {'ball off the centre' if self.under_ball else 'spread force'}"
 
     def failed(self, end: str) -> ManyCellsRow:
-        """The row of a process that returned none."""
+        """The row for a process that returned no row."""
         return ManyCellsRow(self.name, self.side**2, end)
 
     def measured(self) -> ManyCellsRow:
@@ -113,7 +113,7 @@ class ManyCells:
         value = (0.0, 0.0, DEPTH if self.under_ball else PER_CELL * cells)
         sensor = PadSensor(pad, force=value, load=load)
 
-        # The state, its error, and then the reading, which finds both.
+        # The state and its error, then the reading, which reuses both.
         times = [time.process_time()]
         try:
             (state,) = load_path(pad, sensor.material, [value], load=load)
@@ -141,7 +141,7 @@ class ManyCells:
 def many_cells(
     sides: Sequence[int], under_ball: bool, seconds: float, starting: Callable[[str], None]
 ) -> Iterator[ManyCellsRow]:
-    """Measure pads one by one, each in a process of its own.
+    """Measure pads one after another, each in a separate process.
 
     Parameters
     ----------
@@ -150,14 +150,14 @@ def many_cells(
     under_ball : bool
         See :class:`ManyCells`.
     seconds : float
-        Most seconds on the clock for each.
+        Largest wall time in s for each pad.
     starting : Callable[[str], None]
         Called with the name of each case before it is measured.
 
     Yields
     ------
     ManyCellsRow
-        One for each pad.
+        One row for each pad.
     """
     for side in sides:
         case = ManyCells(side, under_ball)
@@ -166,7 +166,7 @@ def many_cells(
 
 
 def growth(rows: Sequence[ManyCellsRow]) -> float:
-    """Power of the number of cells with which CPU time grows, by least squares; NaN for fewer than two pads.
+    """Exponent with which CPU time grows with the number of cells, by least squares; NaN for fewer than two pads.
 
     Parameters
     ----------
@@ -180,6 +180,6 @@ def growth(rows: Sequence[ManyCellsRow]) -> float:
 
 
 def growth_line(rows: Sequence[ManyCellsRow]) -> str:
-    """The power of :func:`growth` in words."""
+    """The exponent of :func:`growth` in words."""
     power = growth(rows)
     return "" if math.isnan(power) else f"CPU time grows as the number of cells to the power of {power:.2f}."

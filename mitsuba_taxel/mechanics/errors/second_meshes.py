@@ -39,18 +39,19 @@ default size is tried first, and these are relative to it."""
 LITTLE_FINER = COARSENING**-0.5
 """Relative size that is tried first under an indenter, where elements are already small and numerous."""
 BETWEEN = 0.8
-"""Powers of it are the sizes of a second mesh, relative to elements larger than the default, that are tried before the
-default size where that has more than :data:`COSTLY` times as many elements."""
+"""Factor on the element size of a second mesh, if the elements of the first are larger than the default. Powers of this
+factor are tried before the default size, if the default size has more than :data:`COSTLY` times as many elements."""
 COSTLY = 8.0
 LEAST_RATIO = 1.2
 """Least actual ratio of element sizes of two meshes for an error estimate."""
 COARSEST = (COARSENING, 1.5 * COARSENING, 2 * COARSENING)
-"""Sizes of a coarser second mesh, relative to the first, that are tried again where a finer one does not fit into
-memory or bear the load, with :data:`LEAST_RATIO_OF_COARSER`."""
+"""Element sizes of a coarser second mesh, relative to the first mesh. They are tried again with
+:data:`LEAST_RATIO_OF_COARSER` if a finer mesh does not fit into memory or does not bear the load."""
 LEAST_RATIO_OF_COARSER = 1.1
-"""Least ratio for these: such an estimate is rough, up to four times the true error, but more than none."""
+"""Least ratio of element sizes for these coarser meshes. The estimate is then rough, up to four times the true error,
+but better than none."""
 MOST_ELEMENTS_COMPARED = 250_000
-"""Largest number of elements of a second mesh that has more than the first."""
+"""Largest number of elements of a second mesh that is finer than the first."""
 
 Result = TypeVar("Result")
 
@@ -81,7 +82,8 @@ class SecondMeshes:
         yield from self._of_sizes([*default, *(relative_size * start for relative_size in finer)])
 
     def coarsest(self) -> Iterator[tuple[PadPath, RoofComparison]]:
-        """Coarser paths whose elements differ less, for where no other bears the load within memory."""
+        """Paths on coarser meshes whose sizes differ less, used if no other path bears the load and fits into
+        memory."""
         sizes = [relative_size * self._path.mesh_size for relative_size in COARSEST]
         tried = [size for size in sizes if self._known.get((size, LEAST_RATIO))]
         yield from self._of_sizes([size for size in sizes if size not in tried], LEAST_RATIO_OF_COARSER)
@@ -89,7 +91,7 @@ class SecondMeshes:
     def _of_sizes(
         self, sizes: Iterable[float], least_ratio: float = LEAST_RATIO
     ) -> Iterator[tuple[PadPath, RoofComparison]]:
-        """Paths on elements of some sizes in mm that differ enough from those of the path."""
+        """Paths on meshes with the given element sizes in mm, if the sizes differ enough from that of the path."""
         for size in sizes:
             if (size, least_ratio) not in self._known:
                 self._known[size, least_ratio] = self._compared_with(size, least_ratio)
@@ -98,7 +100,7 @@ class SecondMeshes:
                 yield second
 
     def _is_costly(self, mesh_size: float) -> bool:
-        """Whether elements of a size in mm are many times as many as those of the path."""
+        """Whether a mesh with this element size in mm has many times as many elements as the path."""
         path = self._path
         try:
             with memory_for("a second mesh"):

@@ -23,8 +23,8 @@ LEAST_EDGES = 2
 differ by 0.3 % +- 0.15 % from those at 12, with an rms slope of 0.28; at the default, 4, by 0.14 % +- 0.12 %."""
 BLUNTING = 1 / (8 * FACETS_SHARE)
 """Fraction of the distance by which `BluntHeights` move each vertex to the mean of its neighbours. Triangles of edges h
-lose the fraction h^2 / (2 correlation_length^2) of the mean square slope; on equilateral ones, the mean moves a height
-by h^2 / 4 times its Laplacian, and a full move to it loses 8 times as much."""
+lose the fraction h^2 / (2 correlation_length^2) of the mean square slope; on equilateral triangles, the mean differs
+from a height by h^2 / 4 times its Laplacian, and a full move to the mean loses 8 times as much."""
 STANDARD_DEVIATIONS = 4
 """Assumed largest height of random roughness, relative to its standard deviation."""
 
@@ -197,7 +197,7 @@ class RandomRoughness(Checked):
 
     @property
     def blunt(self) -> BluntHeights:
-        """The same heights, from whose readings the error by triangles follows."""
+        """The same heights with reduced slopes; their readings give the error due to triangles."""
         return BluntHeights(self.rms_height, self.correlation_length, self.seed, self.refinement)
 
     def heights(self, points: np.ndarray) -> np.ndarray:
@@ -228,9 +228,9 @@ class RandomRoughness(Checked):
 
 
 class BluntHeights(RandomRoughness):
-    """Random heights that have lost 1 / `FACETS_SHARE` times as much of their slopes as triangles lose.
+    """Random heights with reduced slopes: the loss is 1 / `FACETS_SHARE` times the loss due to triangles.
 
-    Triangles are linear between heights, and so less steep than the surface on average.
+    Triangles are linear between heights and therefore less steep, on average, than the surface.
     """
 
     def relief(self, smooth: SmoothSurface) -> Relief:

@@ -74,7 +74,7 @@ def by_walls(finish: Finish | SeparateFinish) -> list[tuple[Finish, tuple[str, .
 
 
 def with_blunt_heights(finish: Finish | SeparateFinish | None) -> Finish | SeparateFinish | None:
-    """A finish whose random heights are less steep, by a multiple of what triangles lose.
+    """A finish whose random heights are less steep, by a multiple of the loss due to triangles.
 
     Parameters
     ----------

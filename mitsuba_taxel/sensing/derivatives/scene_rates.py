@@ -43,7 +43,7 @@ PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
 
 
 def instead_of_derivative(name: str) -> str:
-    """Advice for a parameter of rough cells: readings jump where an edge of the finish crosses a path of light."""
+    """Advice for a parameter of rough cells: readings jump if an edge of the finish crosses a light path."""
     return f"take a difference of readings, which share their random numbers, by --vary {name}=FROM,TO"
 
 

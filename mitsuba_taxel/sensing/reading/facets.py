@@ -1,10 +1,11 @@
 """Error of readings due to the facets of curved walls and of random heights.
 
-Light is traced once more with triangles that are chords. The triangles used for readings match the walls on average:
-the remaining error is of the same order in their size as the correction, and a small part of it. That is so as long as
-light falls on many triangles, whose tilts cancel out; for narrow beams these are an error of their own.
+Light is traced once more with inscribed triangles. The triangles used for readings match the walls on average: the
+remaining error is of the same order in their size as this correction, and a small part of it. This holds if light falls
+on many triangles, whose tilts cancel out; for narrow beams, tilts are a separate error.
 
-Random heights lose a part of their slopes between the vertices; light is traced once more with a multiple of that loss.
+Random heights lose part of their slopes, as triangles are plane between vertices; light is traced once more with a
+multiple of that loss.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ def with_chords(scene: mi.Scene) -> Iterator[None]:
 
 @contextmanager
 def with_blunt_heights(scene: mi.Scene) -> Iterator[None]:
-    """Temporarily make random heights of walls less steep, by `1 / FACETS_SHARE` times what triangles lose."""
+    """Temporarily make random heights of walls less steep, by `1 / FACETS_SHARE` times the loss due to triangles."""
     with stages.stage("load"):
         blunt = [(pad, pad.blunt_heights()) for pad in deformed_pads(scene)]
     rough = [(pad, places) for pad, places in blunt if places is not None]

@@ -58,11 +58,11 @@ class FacetsEstimate(NamedTuple):
     facets : (T,) ndarray or None
         Change of the power in W, as in `Readings`; None if there are no such walls.
     share : float
-        The relative error.
+        Relative error of readings.
     pilot : Run or None
         A run that :func:`points_for` continues, if any.
     heights : float
-        The part of ``share`` by random heights, which smaller elements do not change.
+        Part of ``share`` due to random heights, which smaller elements do not change.
     """
 
     facets: np.ndarray | None
@@ -98,7 +98,7 @@ class ShapeErrors(NamedTuple):
 
     @property
     def refinable_share(self) -> float:
-        """The part of ``share`` that falls with the size of the elements."""
+        """Part of ``share`` that decreases with the size of the elements."""
         return math.sqrt(max(self.share**2 - self.geometry.heights**2, 0.0))
 
     @property

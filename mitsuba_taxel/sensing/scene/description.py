@@ -375,12 +375,12 @@ class Scene(Displayed):
 
     @in_turn
     def has_camera(self) -> bool:
-        """Whether the scene has a sensor of Mitsuba's own, such as a camera; nothing of it is built.
+        """Whether the scene has a sensor of Mitsuba, such as a camera; no object is built.
 
         Returns
         -------
         bool
-            False also for a scene that is refused: the message comes when it is loaded.
+            True with such a sensor. Also False for a refused scene, whose error is raised when it is loaded.
         """
         import mitsuba as mi
 

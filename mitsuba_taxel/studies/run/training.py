@@ -38,15 +38,15 @@ from mitsuba_taxel.studies.store.training_files import Column, TrainingPart, che
 PARTS = ("train", "validation", "test")
 
 PLACES = ("indenter_x", "indenter_y", "patch_x", "patch_y")
-"""Roles of the parameters that are a place of contact."""
+"""Roles of the parameters that give the place of contact."""
 NAMED = (*FORCES, *PLACES)
 LEAST_FORCES = 10
 """Smallest number of distinct forces that can be split into three useful parts."""
 
 
 class _TrainingRows(NamedTuple):
-    """Readings of jobs, one row each: parameters, power and its standard error (rows, taxels) in W, units by name, and
-    the number of the curve (rows,) in the study."""
+    """Readings of jobs, one row for each job: parameters, power and its standard error (rows, taxels) in W, units by
+    name, and the number of the curve (rows,) in the study."""
 
     parameters: pd.DataFrame
     power: np.ndarray
@@ -81,9 +81,9 @@ def training_set(
         Folder for ``train.csv``, ``validation.csv``, ``test.csv`` and a datasheet, ``README.md``; must be new or empty.
     noise : float or str
         Standard deviation of Gaussian noise on every reading, independent of the Monte Carlo error: a number in W, or a
-        share of the reading, such as ``"0.5%"``. Voltages have that of the circuit as well.
+        share of the reading, such as ``"0.5%"``. Voltages have the noise of the circuit as well.
     copies : int
-        Noisy copies of each job.
+        Number of noisy copies of each job.
     split : sequence of float
         Shares of train, validation and test, above 0, of sum 1.
     seed : int
@@ -93,8 +93,8 @@ def training_set(
     hdf5 : bool
         Whether to write all tables as ``dataset.h5`` too: a group for each part, with units.
     lerobot : bool
-        Whether to write the folder ``lerobot`` too, in the layout of LeRobot 3.0: a curve of the study is an episode,
-        as far as its forces are in one part.
+        Whether to write the folder ``lerobot`` too, in the layout of LeRobot 3.0: the forces of a curve that are in the
+        same part are an episode.
 
     Returns
     -------
@@ -102,13 +102,13 @@ def training_set(
         By part, one row for each job and copy: force in N (``fx_N``, ...; fixed components too), the scene's name if
         there are several, other parameters that differ between jobs, noisy ``power_1_W``, ..., and
         ``standard_error_1_W``, ..., of the light without the noise; of a study with a circuit also ``voltage_1_V``,
-        ..., of the noisy light with the noise of the circuit, and ``counts_1``, .... Jobs without a reading are left
-        out.
+        ..., of the noisy light with the noise of the circuit, and ``counts_1``, .... Jobs without a reading are
+        omitted.
 
     Raises
     ------
     InputError
-        if a value is refused, the study holds too few forces, or the folder cannot be written to.
+        if a value is refused, the study contains too few forces, or the folder cannot be written to.
     """
     folder = None if output is None else path_of("output", output)
     check_flags(parquet=parquet, hdf5=hdf5, lerobot=lerobot)
@@ -150,7 +150,7 @@ def training_set(
         making = TrainingRecord(words if sigma > 0 else "", circuit is not None, copies, seed)
         sheet = datasheet(studies, tables, making, left_out)
         _write(folder, tables, sheet, parquet)
-        # Files with all parts, in which rows know their curve and their copy.
+        # Files with all parts, with the numbers of curve and copy for each row.
         path, copy = np.tile(rows.path[done], copies), np.repeat(np.arange(copies), done.sum())
         belongs = np.tile(subset[done], copies)
         parts = {
@@ -166,7 +166,7 @@ def training_set(
 
 
 def _described(table: pd.DataFrame, rows: _TrainingRows, study: xr.Dataset) -> dict[str, Column]:
-    """Name, unit and role of each column of a table that is not of a taxel, by its heading."""
+    """Name, unit and role, by heading, of each column that does not belong to a taxel."""
     headings = {_heading(name, rows.units): name for name in rows.parameters}
     roles = {**roles_of_study(study), **{name: name for name in FORCES}}
     return {
@@ -270,7 +270,7 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
     for name, coordinate in one_each.coords.items():
         if name != "step":  # an index without a meaning
             values[name] = coordinate.broadcast_like(one_each).transpose(*dims).values.ravel()
-    # A curve is a combination of indices along all dimensions but that of the curve.
+    # A curve is a combination of indices along all dimensions except that of the curve.
     curve = study.attrs.get("curve", dims[0])
     lengths = [1 if dim == curve else study.sizes[dim] for dim in dims]
     path = np.broadcast_to(np.arange(math.prod(lengths)).reshape(lengths), power.shape[:-1]).ravel()

@@ -12,8 +12,8 @@ from xarray.backends import ScipyDataStore
 def write_netcdf(study: xr.Dataset, file: Path) -> None:
     """Write a study to a NetCDF file as ``study.to_netcdf`` does: NetCDF 4 if h5netcdf is installed, else NetCDF 3.
 
-    ``to_netcdf`` imports all of Dask's scheduler where that is installed, which takes most of a second. NetCDF 4 is
-    HDF5, which ``h5py`` reads as well; NetCDF 3 needs only scipy.
+    If Dask is installed, ``to_netcdf`` imports its scheduler, which takes nearly a second. NetCDF 4 is HDF5, which
+    ``h5py`` can read, too; NetCDF 3 needs only SciPy.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Training sets in the files that learning reads: HDF5 with groups and units, and the layout of LeRobot."""
+"""Training sets in formats for machine learning: HDF5 with groups and units, and the layout of LeRobot."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class TrainingPart(NamedTuple):
 
 
 class Column(NamedTuple):
-    """A column of a table: name without unit, unit, and component of the force or the place, or blank."""
+    """A column of a table: name without unit, unit, and its component of the force or of the place, else blank."""
 
     name: str
     unit: str
@@ -69,7 +69,7 @@ def write_hdf5(
     about: Mapping[str, str],
     file: Path,
 ) -> None:
-    """Write a training set as one HDF5 file, which is NetCDF-4 as well: a group for each part, and units.
+    """Write a training set as one HDF5 file, which is also a NetCDF 4 file, with a group for each part and with units.
 
     A group has the variables of the columns (row,), ``power``, ``standard_error`` and, with a circuit, ``voltage`` and
     ``counts`` (row, taxel), and ``path`` and ``copy`` (row,).
@@ -79,7 +79,7 @@ def write_hdf5(
     parts : Mapping[str, TrainingPart]
         Parts by name.
     columns : Mapping[str, Column]
-        Columns of the tables that are not of a taxel.
+        Columns of the tables that do not belong to a taxel.
     taxels : (taxels,) ndarray
         Numbers of the taxels.
     about : Mapping[str, str]
@@ -123,20 +123,20 @@ def _taxel_columns(table: pd.DataFrame) -> dict[str, tuple[list[str], str, str, 
 
 
 def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Column], folder: Path) -> None:
-    """Write a training set in the layout of LeRobot 3.0: Parquet files of frames and episodes, and features with names.
+    """Write a training set in the layout of LeRobot 3.0: Parquet files of frames and episodes, with named features.
 
-    An episode is one curve of the study, as far as it belongs to the part, with one noisy copy; its frames are in the
-    order of the curve. Features are ``observation.power``, ``observation.voltage``, ``observation.wrench`` (components
-    of the force in N), ``observation.contact_place`` in mm, and ``observation.parameters``, the other varied numbers;
-    names of their elements end with the unit. Words, such as the name of a cell, are in the task. Parts are ``splits``
-    of the episodes. Times are nominal.
+    An episode is the part of a curve of the study that belongs to one part of the set, for one noisy copy; its frames
+    are in the order of the curve. Features are ``observation.power``, ``observation.voltage``, ``observation.wrench``
+    (components of the force in N), ``observation.contact_place`` in mm, and ``observation.parameters``, the other
+    varied numbers; names of their elements end with the unit. Words, such as the kind of cell, are in the task. Parts
+    are ``splits`` of the episodes. Times are nominal.
 
     Parameters
     ----------
     parts : Mapping[str, TrainingPart]
         Parts by name.
     columns : Mapping[str, Column]
-        Columns of the tables that are not of a taxel.
+        Columns of the tables that do not belong to a taxel.
     folder : Path
         New folder.
 
@@ -153,7 +153,7 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
     # Frames: rows in the order of their episode, with the default features.
     tables, lengths, splits, start = [], [], {}, 0
     for name, part in parts.items():
-        order = np.lexsort((part.path, part.copy))  # stable: within an episode in the order of the curve
+        order = np.lexsort((part.path, part.copy))  # a stable sort keeps the order of the curve within an episode
         episode = np.unique(np.stack([part.copy, part.path])[:, order], axis=1, return_inverse=True)[1].ravel()
         counts = np.bincount(episode)
         table = part.table.iloc[order].reset_index(drop=True)
@@ -222,7 +222,7 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
 
 
 def _elements(table: pd.DataFrame, headings: list[str]) -> list[Any]:
-    """Values of a feature for each frame: (elements,) each, a number if there is one element."""
+    """Values of a feature for each frame: an array (elements,), or a number if there is one element."""
     values = table[headings].to_numpy(np.float32)
     return list(values[:, 0] if len(headings) == 1 else values)
 
@@ -249,7 +249,7 @@ def _features(table: pd.DataFrame, columns: Mapping[str, Column]) -> dict[str, l
 
 
 def _statistics(values: np.ndarray) -> dict[str, list[float]]:
-    """Statistics of a feature (frames, elements), by which LeRobot normalises it."""
+    """Statistics of a feature (frames, elements), with which LeRobot normalises the feature."""
     values = values.astype(float)
     quantiles = {f"q{percent:02d}": np.percentile(values, percent, axis=0) for percent in (1, 10, 50, 90, 99)}
     figures = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0), **quantiles}
