@@ -20,8 +20,8 @@ TOGETHER = {
     "cli": {"bad_input", "ends", "program"},
     "docs": {"docstrings", "pages"},
     "mechanics": {
-        "benchmarks_of_the_literature", "closed_forms", "contact_with_packages", "energy", "shape_sensitivities",
-        "touching_under_indenters",
+        "benchmarks_of_the_literature", "block", "closed_forms", "contact_with_packages", "energy",
+        "shape_sensitivities", "touching_under_indenters",
     },
     "optimum": {"thin_roof"},
     "pads": {"file_meshing"},

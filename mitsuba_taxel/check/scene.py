@@ -11,6 +11,7 @@ import mitsuba as mi
 
 from mitsuba_taxel.backend import activate_variant, in_turn
 from mitsuba_taxel.base.errors import InputError, UnusedDefault
+from mitsuba_taxel.check.camera import check_camera, has_camera
 from mitsuba_taxel.check.document import Element, Unreadable, leave_out, read_document
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.geometry import check_geometry
@@ -73,12 +74,14 @@ def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
         if state is not None:
             objects = make_objects(state, root, scene.parameters)
             findings += objects.findings
-            for check in (check_units, check_geometry, check_light):
+            camera = has_camera(objects)
+            for check in (check_units,) if camera else (check_units, check_geometry, check_light):
                 findings += check(objects)
-            if not any(finding.severity == "error" for finding in findings):
+            if not (camera or any(finding.severity == "error" for finding in findings)):
                 findings += check_modelled(objects)
             valid = objects.valid and not any(finding.severity == "error" for finding in findings)
-            findings += check_prepared(scene, objects) if valid else []
+            prepared = check_camera if camera else check_prepared
+            findings += prepared(scene, objects) if valid else []
     return sorted(dict.fromkeys(findings), key=lambda f: (f.file != path.name, f.file, f.line, f.severity != "error"))
 
 

@@ -130,9 +130,7 @@ def camera_image(
     if target_error is not None and not (is_number(target_error) and 0 < target_error < 1):
         raise InputError(f"target_error = {target_error!r} is not allowed: a number between 0 and 1 is needed.")
     live = scene.load() if isinstance(scene, Scene) else scene
-    camera = _camera_of(live)
-    _refuse_large(camera)
-    depth, coat = _depth(live, camera)
+    camera, depth, coat = view_of(live)
     began = time.perf_counter()
     count = samples or SAMPLES
     image = _replicates(live, camera, count, seed, 0, progress)
@@ -144,6 +142,33 @@ def camera_image(
             count = min(needed, MOST_SAMPLES)
             image = _replicates(live, camera, count, seed, 1, progress)
     return CameraImage(*image, depth, coat, count, REPLICATES, seed, time.perf_counter() - began)
+
+
+def view_of(scene: mi.Scene) -> tuple[mi.Sensor, np.ndarray, np.ndarray]:
+    """The camera of a scene, and what it sees at the centres of its pixels; nothing is rendered.
+
+    Parameters
+    ----------
+    scene : mi.Scene
+        A loaded one.
+
+    Returns
+    -------
+    camera : mi.Sensor
+        The only sensor.
+    depth : (H, W) ndarray
+        See `CameraImage`.
+    coat : (H, W) ndarray of bool
+        See `CameraImage`.
+
+    Raises
+    ------
+    InputError
+        if the scene has no image; see :func:`camera_image`.
+    """
+    camera = _camera_of(scene)
+    _refuse_large(camera)
+    return camera, *_depth(scene, camera)
 
 
 def _camera_of(scene: mi.Scene) -> mi.Sensor:

@@ -157,6 +157,8 @@ def main(first: int, count: int) -> None:
 
     for seed in range(first, first + count):
         for file in sorted(shipped_scenes().glob("*.xml")):
+            if "phototransistor" not in file.read_text():
+                continue  # an image has no table
             with tempfile.TemporaryDirectory() as folder:
                 found = differences(file, seed, Path(folder), mesh_size=1.6)
                 print(f"{file.name}, seed {seed}: {len(found)} differences", *found, sep="\n", flush=True)
