@@ -28,7 +28,7 @@ nitpick_ignore_regex = [
     ("py:data", r"mitsuba_taxel\.mechanics\.continuation\.load_segment\.\w+|TET_EDGES|FACE_EDGES|ENDS"),
     ("py:meth", r"Location\.interpolate|PointLocator\.locate"),
     ("py:class", r"Relief|Load|RigidBodies|ndarray|(pandas\.)?DataFrame|Unseen"),
-    ("py:class", r"\d+|(\d )?[A-Z]|corners|width|height|inputs|terms|taxels|forces"),  # shapes of arrays
+    ("py:class", r"\d+|(\d )?[A-Z]|corners|width|height|inputs|terms|taxels|forces|quantities"),  # shapes of arrays
     ("py:class", r"(mitsuba_taxel\.mechanics\.continuation\.state\.)?(Comparison|PathRate)|FirstContact|Estimate"),
 ]
 exclude_patterns = ["_build", "_extensions"]

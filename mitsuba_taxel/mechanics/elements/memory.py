@@ -23,7 +23,13 @@ def require_memory(size: float, purpose: str) -> None:
 
 
 def free_memory() -> float:
-    """Bytes that this process can still allocate, as reported by Linux; infinite on other systems."""
+    """Memory that this process can still allocate, as reported by Linux.
+
+    Returns
+    -------
+    float
+        Bytes; infinite on other systems.
+    """
     return min(_free_by_limit(), _free_by_machine(), _free_by_group())
 
 

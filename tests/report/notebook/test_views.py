@@ -116,7 +116,7 @@ def test_pad_file_that_cannot_be_drawn(tmp_path):
     gone.unlink()
     texts = [text_of(pad._repr_html_()) for pad in pads]
     assert "<b>broken.stl" in texts[0] and "cannot be drawn: it is no STL" in texts[0]
-    assert "once it is meshed" in texts[1] and "No such file" in texts[2]
+    assert "known only after meshing" in texts[1] and "No such file" in texts[2]
 
 
 def test_materials():

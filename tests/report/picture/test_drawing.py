@@ -113,7 +113,7 @@ def test_a_cut_beside_everything_is_refused(sensor):
 
 def test_a_scene_without_meshes_is_refused(llvm_mono):
     live = Scene({"type": "scene", "sheet": {"type": "rectangle"}}).load()
-    with pytest.raises(InputError, match="holds no mesh"):
+    with pytest.raises(InputError, match="contains no mesh"):
         shown_parts(live)
 
 
