@@ -2,7 +2,7 @@
 
 Mitsuba searches for the library of a plugin, ``plugins/<type>.so``, in every folder of its file resolver. These include
 the folder of the scene, those of its ``<path>`` elements, and the working directory. It loads the library before it
-checks what it is.
+checks which library it is.
 """
 
 from __future__ import annotations

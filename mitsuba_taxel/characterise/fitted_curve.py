@@ -8,7 +8,7 @@ Machine Learning, 2006, chapters 2 and 5). Degrees beyond the number of readings
 do not resolve is part of the error.
 
 The slope is a weighted sum of the readings. Its error due to noise follows from the scatter of the same sum over
-replicates that share their random numbers, whatever the correlation of the readings. Its error due to the fit is the
+replicates that share their random numbers, for any correlation of the readings. Its error due to the fit is the
 remaining part of the standard deviation of the slope, given the readings.
 """
 

@@ -36,7 +36,7 @@ class LoadLine:
 
     @property
     def ordered(self) -> bool:
-        """Whether the load passed through the forces in this order. Forces with a dimension of their own belong to
+        """Whether the load passed through the forces in this order. Forces with separate dimensions belong to
         independent scenes."""
         return self.dim not in FORCES
 

@@ -31,8 +31,8 @@ class Largest(NamedTuple):
     choice_error : (channels,) ndarray
         Standard error of the mean of ``magnitude`` due to the choice of the index.
     excess : (channels,) ndarray
-        Largest mean of all samples minus the mean of ``magnitude``. The first is too large because of its own noise,
-        the second too small if noise chooses a wrong index: the true value lies between them.
+        Largest mean of all samples minus the mean of ``magnitude``. The first is too large because of its noise, the
+        second too small if noise chooses a wrong index: the true value lies between them.
     """
 
     magnitude: np.ndarray
@@ -55,8 +55,8 @@ def at_largest(samples: np.ndarray) -> Largest:
     """The largest of noisy numbers, given as samples (points, replicates, channels).
 
     The largest of many noisy numbers is biased upwards. Each half of the replicates is therefore evaluated where the
-    other half is largest: that choice is independent of its own noise. Halves that choose points of opposite signs
-    agree in the magnitude. Noise may choose a point that is not the largest, so the estimate is low, by up to
+    other half is largest: that choice is independent of the noise of this half. Halves that choose points of opposite
+    signs agree in the magnitude. Noise may choose a point that is not the largest, so the estimate is low, by up to
     ``excess``. The half that chooses is therefore smoothed along the points: slopes between neighbouring points may
     differ by less than their noise. With one replicate there is no other half, and the bias remains.
 

@@ -21,7 +21,7 @@ def walls_of(scene: mi.Scene) -> Iterator[mi.BSDF]:
     Yields
     ------
     mi.BSDF
-        A BSDF, as often as it is used.
+        A BSDF for each use; a BSDF that is used several times is repeated.
     """
     for shape in scene.shapes():
         bsdf = shape.bsdf()

@@ -177,7 +177,7 @@ def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Fig
 
     Slopes are absolute, and in percent of the reading at rest, if known. There is a line for each combination of the
     other parameters, with bars of 1 sigma of the light. Lines are those of :func:`plot_sensitivity` for several
-    experiments. Readings in watts and in volts have panels of their own.
+    experiments. Readings in watts and in volts have separate panels.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, object]
     left_out : int
         Number of cases that are in no panel.
     """
-    # The varied parameters, and the one that is compared within panels.
+    # The varied parameters, and the parameter that is compared within panels.
     values: dict[str, dict[str, None]] = {}
     for case in cases:
         for name, value in where(case).items():

@@ -71,7 +71,7 @@ class Package(NamedTuple):
 
 
 def _bare(x: float, width: float, length: float) -> Side:
-    """A die in the top of a body, at y = 0, without a window of its own."""
+    """A die in the top of a body, at y = 0, without a separate window."""
     return Side(x=x, window_width=width, window_length=length, die_width=width, die_length=length)
 
 

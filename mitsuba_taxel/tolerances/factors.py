@@ -25,7 +25,7 @@ class Factors:
     products : dict[str, tuple[str, ...]]
         For each parameter of the scene that varies, the names of the laws whose product it is.
     constants : dict[str, float]
-        Values in the scene of scaled parameters without a law of their own.
+        Values in the scene of scaled parameters without a separate law.
     """
 
     laws: list[Law]

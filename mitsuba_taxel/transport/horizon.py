@@ -38,7 +38,7 @@ class PiecesAtHorizon(NamedTuple):
 
 
 def pieces_at_horizon(pairs: Pairs, own: np.ndarray, normal: np.ndarray, leaving: np.ndarray) -> PiecesAtHorizon:
-    """Pieces that cross the horizon of a target, except those of its own wall.
+    """Pieces that cross the horizon of a target, except pieces of the same wall.
 
     Parameters
     ----------

@@ -100,7 +100,7 @@ def coverage_command(only: str | None, part: str | None, csv: Path | None, markd
     noise-equivalent forces and differences of variants. The stated probabilities of a comparison are compared with
     observed frequencies.
 
-    Files contain the rows measured so far. Figures and probabilities have files of their own beside that of the
+    Files contain the rows measured so far. Figures and probabilities have separate files beside that of the
     readings; those selected are counted anew, and the others stay as they are.
     """
     from mitsuba_taxel.evidence.coverage import coverage as tables
@@ -163,7 +163,7 @@ def drags_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
 def figures_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
     """Compare figures of merit and their stated errors with those on finer elements, of scenes drawn at random.
 
-    Each is swept at the default settings and to two target errors, in a process of its own.
+    Each is swept at the default settings and to two target errors, in a separate process.
     """
     from mitsuba_taxel.evidence.coverage.figures import HEADINGS, cells, figures, summary
 
@@ -224,7 +224,7 @@ def rough_command(markdown: Path | None) -> None:
 def estimators_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
     """Compare connections over mirrors, and differences by paths through material points, with plain random paths.
 
-    Scenes are drawn at random; each is read in a process of its own.
+    Scenes are drawn at random; each is read in a separate process.
     """
     from mitsuba_taxel.evidence.coverage.estimators import EstimatorRow, estimators, summary
     from mitsuba_taxel.evidence.rows.row import cells, headings

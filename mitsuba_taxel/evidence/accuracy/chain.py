@@ -42,7 +42,7 @@ class SmallerLoad(NamedTuple):
 
 
 def near_load(scene: Scene) -> SmallerLoad | None:
-    """The scene under a slightly smaller force, if it declares one that is not 0."""
+    """The scene under a slightly smaller force, if it declares a force other than 0."""
     for name in FORCES:
         try:
             force = float(scene.parameters.get(name, 0))

@@ -1,6 +1,6 @@
 """Savings from omitted work: shipped scenes, unchanged and with unnecessary work added.
 
-Each row is measured in processes of its own: first with empty caches of kernels and solutions, then twice with the
+Each row is measured in separate processes: first with empty caches of kernels and solutions, then twice with the
 caches of the first. This module is run for that, with the scene and the added work as JSON.
 """
 

@@ -95,7 +95,7 @@ class CoverageCase:
         )
 
     def failed(self, end: str) -> CoverageRow:
-        """The row of a process that returned none."""
+        """The row for a process that returned no row."""
         return CoverageRow(self.name, end)
 
     def _truth(self, mesh_size: float) -> tuple[np.ndarray, np.ndarray]:
@@ -200,7 +200,7 @@ def _other_kinds() -> Iterator[CoverageCase]:
     for name, cell in zip(Material.kinds(), cycle(cells), strict=False):
         sensor = PadSensor(pad_of(cell, rows=1, columns=1, wall=0.7), law_of(name), force=(0.3, 0.0, -1.0))
         yield CoverageCase(f"{cell}, 1 x 1, wall 0.7 mm, {name}, 0.3 N along x at -1 N", sensor)
-    cells_in_turn = cycle([*cells[-2:], *cells[:-2]])  # whatever the number of laws
+    cells_in_turn = cycle([*cells[-2:], *cells[:-2]])  # for any number of laws
     for name in other_indenters(TOUCHED):
         for cell, at in zip(cells_in_turn, ((0.0, 0.0), (0.6, 0.2)), strict=False):
             load = IndenterDisplacement(indenter_of(name, at=at))

@@ -140,7 +140,7 @@ class DragCase:
         return f"{self.cell}, {body} at ({x:g}, {y:g}) mm, {-z:g} mm deep"
 
     def failed(self, end: str) -> DragRow:
-        """The row of a process that returned none."""
+        """The row for a process that returned no row."""
         return DragRow(self.name, end)
 
     def measured(self) -> DragRow:
@@ -181,7 +181,7 @@ def _relative_deviation(pressed: tuple[np.ndarray, float], dragged: tuple[np.nda
 def drag_cases() -> list[DragCase]:
     """All states: balls of a grid and drawn balls in turn, then other kinds of cells and of indenters.
 
-    Other kinds are drawn from the registries, with random numbers of their own: a new kind changes no other state.
+    Other kinds are drawn from the registries, with separate random numbers: a new kind changes no other state.
     """
     grid = [
         DragCase("parallelepiped", Indenter("sphere", radius=radius), (x, 0.0, -DEPTH))

@@ -38,7 +38,7 @@ IMAGES, DIFFERENCES = 5, 4
 """Numbers of scenes for each shape with a flat roof, and for each shape."""
 POINTS, IMAGE_POINTS, DIFFERENCE_POINTS = 1 << 12, 1 << 18, 1 << 15
 """Points per replicate of the estimators, and of the paths that they are compared with. Without images, rare paths have
-much of the light: their scatter tells the error only with many points."""
+much of the light: their scatter shows the error only with many points."""
 ALLOWED = 4.0
 """Largest deviation in combined errors: some 1 in 16 000 scenes is further off by chance."""
 FILLET = 0.1
@@ -146,7 +146,7 @@ class EstimatorCase:
         return self.light.name
 
     def failed(self, end: str) -> EstimatorRow:
-        """The row of a process that returned none."""
+        """The row for a process that returned no row."""
         return EstimatorRow(self.name, end)
 
     def measured(self) -> EstimatorRow:
@@ -192,7 +192,7 @@ def _powers(ready: Prepared, points: int, seed: int) -> np.ndarray:
 
 
 def estimator_cases() -> list[EstimatorCase]:
-    """Draw the scenes of the table; each shape of cells has random numbers of its own."""
+    """Draw the scenes of the table; each shape of cells has separate random numbers."""
     cases = []
     for cell, shape in CellShape.kinds().items():
         random = generator(SEED, cell)

@@ -101,7 +101,7 @@ class FigureCase:
         return FINE_RIM if has_rim else FINE
 
     def failed(self, end: str) -> Any:
-        """The row of a process that returned none."""
+        """The row for a process that returned no row."""
         return FigureRow(self.name, end)
 
     def _truth(self, file: Path, fine: float, study: xr.Dataset) -> tuple[dict[str, float], xr.DataArray]:

@@ -67,7 +67,7 @@ class LightCase:
                 return LightRow(self.name, remark=str(error))
 
     def failed(self, end: str) -> LightRow:
-        """The row of a process that returned none."""
+        """The row for a process that returned no row."""
         return LightRow(self.name, remark=end)
 
     def scene(self, folder: Path) -> Scene:
@@ -150,7 +150,7 @@ def light_cases(seed: int = 52) -> list[LightCase]:
     Parameters
     ----------
     seed : int
-        Seed of the draw. Other shapes have random numbers of their own: a new shape changes no other configuration.
+        Seed of the draw. Other shapes have separate random numbers: a new shape changes no other configuration.
 
     Returns
     -------

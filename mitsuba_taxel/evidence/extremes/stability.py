@@ -22,7 +22,7 @@ def stability(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[AnyRow]:
-    """Yield rows of the tables as they are measured, each in a process of its own; files are rewritten after each.
+    """Yield rows of the tables as they are measured, each in a separate process; files are rewritten after each.
 
     Parameters
     ----------

@@ -11,13 +11,13 @@ from mitsuba_taxel.base.processes.system import peak_memory
 
 
 class TableCase:
-    """One row of a table, an instance of ``ROW``, which is measured in a process of its own."""
+    """One row of a table, an instance of ``ROW``, which is measured in a separate process."""
 
     ROW: ClassVar[type]
     name: str
 
     def failed(self, end: str) -> Any:
-        """The row of a process that returned none."""
+        """The row for a process that returned no row."""
         return self.ROW(self.name, end, wrong="no answer")
 
 

@@ -26,7 +26,7 @@ def pushed(store: PaperStudies, cell: str, along: str) -> xr.Dataset:
 
 
 def largest_slope(study: xr.Dataset, circuit: Circuit) -> tuple[float, float]:
-    """V/N of the most sensitive taxel, with the force on as many cells as in the experiments, and its error."""
+    """Slope of the most sensitive taxel in V/N, for the force on as many cells as in the experiments, and its error."""
     table = volts_table(study, circuit)
     best = table.loc[table.mean_slope_V_per_N.abs().idxmax()]
     return PER_FORCE * abs(best.mean_slope_V_per_N), PER_FORCE * best.mean_slope_V_per_N_error

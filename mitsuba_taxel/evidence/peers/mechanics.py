@@ -1,7 +1,7 @@
 """The pad's mechanics: error against time compared with CalculiX, the paper's load paths, growth with the number of
 cells, and time by component.
 
-Every figure is measured in a process of its own, with an empty cache of solutions.
+Every figure is measured in a separate process, with an empty cache of solutions.
 """
 
 from __future__ import annotations
@@ -289,7 +289,7 @@ TABLES: dict[str, Callable[[], Iterator[tuple[object, ...]]]] = {
 
 
 def _isolated(function: Callable, *arguments: object) -> tuple:
-    """The return value of ``function`` in a process of its own, and its peak memory in MB."""
+    """The return value of ``function`` in a separate process, and its peak memory in MB."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return pool.submit(_measured, function, arguments).result()
 

@@ -1,4 +1,4 @@
-"""Rows of tables: each case is measured in a process of its own, and kept in a file, so that a long run can be resumed.
+"""Rows of tables: each case is measured in a separate process, and kept in a file, so that a long run can be resumed.
 
 Input: cases. Output: rows, CSV files and pages of Markdown. A crash, a timeout or a lack of memory is a row, too.
 """

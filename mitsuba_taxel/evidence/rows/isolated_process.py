@@ -1,4 +1,4 @@
-"""Measurement of a case in a process of its own: a crash, timeout or lack of memory becomes a row."""
+"""Measurement of a case in a separate process: a crash, timeout or lack of memory becomes a row."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from mitsuba_taxel.base.processes.system import confine
 def main(memory: int) -> None:
     # Not the address space: the driver of a graphics card reserves more than the machine's memory.
     confine(memory, "DATA")
-    # Standard output is reserved for the row, whatever libraries print.
+    # Standard output is reserved for the row; output of libraries goes elsewhere.
     answer = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
 

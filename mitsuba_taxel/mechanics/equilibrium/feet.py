@@ -69,7 +69,7 @@ def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
     Returns
     -------
     str
-        Empty unless the pad touches the board below a foot.
+        The sentence; empty unless the pad touches the board below a foot.
     """
     if touched != "the board" or not are_at_feet(mesh, place):
         return ""

@@ -280,7 +280,7 @@ class SplitTangent:
         group, seen = pad.part.group, set[Model]()
         for block in blocks:
             if group and block.model in seen:
-                continue  # of two blocks that a mirror maps to each other, states with a mirror of their own need one
+                continue  # a mirror maps two blocks to each other: symmetric states need only one of them
             expansion = averaged = block.expansion
             for mirror in group:
                 averaged = 0.5 * (averaged + reflection(mirror, images[mirror], pad.whole.corner_count) @ averaged)

@@ -265,7 +265,7 @@ class _Walls:
     Attributes
     ----------
     vertices : (V, 3) ndarray
-        In mm, all vertices of the surface.
+        Positions of all vertices of the surface, in mm.
     corners : Corners
         Points at which normals are needed, one for each vertex and smooth sheet.
     normals : (P, 3) ndarray

@@ -1,4 +1,4 @@
-"""Mesh a user's geometry in a process of its own: meshers may crash, hang or exhaust memory."""
+"""Mesh a user's geometry in a separate process: meshers may crash, hang or exhaust memory."""
 
 from __future__ import annotations
 

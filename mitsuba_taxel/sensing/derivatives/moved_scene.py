@@ -134,7 +134,7 @@ class MovedScene:
         nodal, state, pad = walls.nodal, self._pad.state, self._pad.pad
         if nodal.dimensions:
             assert isinstance(pad, Pad)
-            pad = replace(pad)  # derived dimensions become values of their own
+            pad = replace(pad)  # derived dimensions become independent values
             pad = pad.changed(**{name: pad.dimensions[name] + offset * rate for name, rate in nodal.dimensions.items()})
             state = replace(state, mesh=replace(state.mesh, points=state.mesh.points + offset * nodal.velocity))
         state = replace(state, displacement=walls.displacement + offset * nodal.displacement)

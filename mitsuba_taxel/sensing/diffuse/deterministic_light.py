@@ -84,7 +84,7 @@ def deterministic_light(
     distinct = sorted(set(first))
     if any(_touches(cells, number, probes) for number in distinct):
         return None
-    # One thread for each cell: for many small matrix products, BLAS would start and wait for threads of its own.
+    # One thread for each cell: for many small matrix products, BLAS would start additional threads and wait for them.
     with threadpool_limits(1, "blas"):
         solutions = side_by_side(lambda number: _solved(cells, number, probes), distinct)
     solved = {number: cell for number, cell in zip(distinct, solutions, strict=True) if cell is not None}
@@ -106,8 +106,8 @@ def deterministic_light(
 
 
 def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> bool:
-    """Whether the walls of a cell touch a package, either as they are or after displacement by the deviations (N, 3) of
-    the nodes."""
+    """Whether the walls of a cell touch a package, either without or after displacement by the deviations (N, 3) of the
+    nodes."""
     state, walls = cells.pad.state, cells.patches(number).faces
     if state.bodies is None:
         return False

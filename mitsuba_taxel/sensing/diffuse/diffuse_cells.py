@@ -99,8 +99,9 @@ class CellWalls:
 class DiffuseCells:
     """A loaded scene of one pad whose cells contain one taxel each.
 
-    Patches for the light are the faces of a mesh of the default size, whatever the size of the finite elements. In
-    built-in pads, the faces of the cell with the fewest serve for all cells, so that pairs of points are computed once.
+    Patches for the light are the faces of a mesh of the default size, independent of the size of the finite elements.
+    In built-in pads, the faces of the cell with the fewest serve for all cells, so that pairs of points are computed
+    once.
 
     Parameters
     ----------

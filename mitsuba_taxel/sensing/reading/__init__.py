@@ -1,5 +1,5 @@
-"""Readings and what they consist of: random paths in increments, errors by their source, cost, further results.
+"""Readings and their components: random paths in increments, errors by source, cost, further results.
 
-Input: prepared scenes. Output: `Readings`, with every error that is known and the words for those that are not.
-`sensing.targets` and `sensing.measurement` choose mesh, number of points and engine.
+Input: prepared scenes. Output: `Readings`, with all known errors, and notes on unknown errors. `sensing.targets` and
+`sensing.measurement` choose mesh, number of points and engine.
 """

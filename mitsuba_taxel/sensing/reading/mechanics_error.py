@@ -117,7 +117,7 @@ def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
     Yields
     ------
     None
-        With the vertices as they are.
+        Nothing; the vertices are unchanged within the block.
     """
     before = [places_of(pad)._replace(region=pad.changing_region()) for pad in pads]
     try:

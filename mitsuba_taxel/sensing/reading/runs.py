@@ -43,7 +43,8 @@ class PairedPowers(Protocol):
         """Readings (R, T) in W, and the points used, from point ``first`` on."""
 
     def has_less_noise(self) -> bool:
-        """Whether readings differ from the base state with less noise than those that share their random numbers."""
+        """Whether differences from the base state have less noise than differences of readings that share random
+        numbers."""
 
     def deviations(self, seed: int, points: int) -> tuple[np.ndarray, np.ndarray | None]:
         """Readings (R, T) in W, and their changes (2, R, T) with coarser finite elements; None if unknown."""

@@ -214,7 +214,7 @@ class Scene(Displayed):
                 build_pads_last(state)
                 announce_packages(state)
                 live = mi.parser.instantiate(config, state)
-            except InputError as error:  # of what is refused before Mitsuba builds anything
+            except InputError as error:  # raised before Mitsuba builds any object
                 raise InputError(with_own_parameters(str(error), self), error.part) from error
             except RuntimeError as error:
                 if END_OF_PATH in str(error):

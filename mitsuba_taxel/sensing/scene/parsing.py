@@ -155,7 +155,7 @@ def with_own_parameters(message: str, scene: Described) -> str:
     message : str
         It shows each value as ``name = value``, or begins with the name of the plugin's parameter.
     scene : Described
-        Scene from a file; a scene made in Python has no parameters of its own.
+        Scene from a file; a scene made in Python has no such parameters.
 
     Returns
     -------

@@ -153,7 +153,7 @@ def _finest(
             size = scene.mesh_size
             tried.append((smallest_mesh_size(ready, loaded=True), error))
 
-        # The next mesh, by extrapolation of the errors, coarser than one that has failed.
+        # The next mesh, by extrapolation of the errors, coarser than any mesh that has failed.
         finer = finer_mesh(scene, ready, tried, target, order)
         if finer is not None and finer <= failed:
             finer = _between(tried[-1][0], failed)

@@ -160,7 +160,7 @@ class Store:
         return True
 
     def _grow(self, before: str, content: Mapping[str, Any]) -> bool:
-        """Extend the stored study to one that holds all of its results, with new numbers.
+        """Extend the stored study to a study that contains all its results, with new numbers.
 
         Returns False, and changes nothing, if it is another study. The extended study is prepared in a folder beside
         the results. Once that has its final name, the next run completes the extension if this one is killed.
