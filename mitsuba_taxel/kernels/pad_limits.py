@@ -15,8 +15,6 @@ LEAST_OF_MIRRORS = 3
 """Least number of triangles along an element of a curved mirror. With fewer, neighbours differ by more than 20 degrees,
 and the error of reflections at grazing angles, up to some percent, exceeds that estimated from chords."""
 
-NO_ROOM = "cell = 'none' is not allowed with photo-reflectors, for which a block has no room"
-"""Beginning of the refusal of readings of a pad without cells."""
 
 
 def check_triangles(subdivision: int, faces: int) -> None:

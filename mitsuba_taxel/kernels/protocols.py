@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.specification.wall import Wall
     from mitsuba_taxel.specification.wall_materials import WallMaterial
 
+NO_ROOM = "cell = 'none' is not allowed with photo-reflectors, for which a block has no room"
+"""Beginning of the refusal of readings of a pad without cells."""
 AWAITED_PACKAGE = "awaited_package"
 """Property of a `deformable_pad` whose packages are built after the pad. With `self_contact` the pad stays undeformed
 until ``heed`` is called. The value is a `mi.Properties`, which a scene file cannot contain."""

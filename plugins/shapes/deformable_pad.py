@@ -18,13 +18,12 @@ from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.dome_elements import edge_ratio, fewer_triangles, size_for_light
 from mitsuba_taxel.kernels.pad_limits import (
     LEAST_FACES,
-    NO_ROOM,
     check_mirrors,
     check_triangles,
     clear_regions,
     mirrors,
 )
-from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, is_region
+from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE, NO_ROOM, is_region
 from mitsuba_taxel.kernels.surfaces.cell_surface import CellSurface
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import (
     Places,

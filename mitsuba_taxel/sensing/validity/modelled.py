@@ -8,9 +8,8 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.carriers import matrix_of
-from mitsuba_taxel.kernels.pad_limits import NO_ROOM
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
-from mitsuba_taxel.kernels.protocols import has_faces, is_owen_sobol, is_package, is_pad
+from mitsuba_taxel.kernels.protocols import NO_ROOM, has_faces, is_owen_sobol, is_package, is_pad
 from mitsuba_taxel.kernels.walls import refuse_unknown_wavelength, wall_at, walls_of
 from mitsuba_taxel.sensing.scene.clearance import heed_packages
 from mitsuba_taxel.sensing.scene.taxels import refuse_foreign_sensors, taxels_of
