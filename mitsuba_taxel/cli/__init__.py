@@ -26,8 +26,8 @@ from .options import debug_option
 
 COMMANDS = (
     "new", "check", "render", "rays", "picture", "sweep", "status", "characterise", "compare", "tolerance", "fit",
-    "optimise", "report", "export", "calibrate", "dataset", "deform", "parts", "plugins", "bench", "reproduce",
-    "validate", "doctor", "cache",
+    "material", "optimise", "report", "export", "calibrate", "dataset", "deform", "parts", "plugins", "bench",
+    "reproduce", "validate", "doctor", "cache",
 )  # fmt: skip
 VARIANTS = ("llvm_ad_mono", "llvm_ad_rgb", "cuda_ad_mono", "cuda_ad_rgb")
 """Variants that the package supports. They are repeated here, because help must not import the package."""

@@ -1,4 +1,4 @@
-"""Unknowns of a scene from measured readings: weighted least squares, with confidence intervals."""
+"""Least squares with confidence intervals: unknowns of a scene from readings, and material laws from tests."""
 
 import lazy_loader
 

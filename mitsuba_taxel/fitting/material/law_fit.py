@@ -1,0 +1,242 @@
+"""Least squares of one law through the curves of all tests, with the error of its constants and of its predictions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.fitting.material.candidates import Candidate
+from mitsuba_taxel.fitting.material.curves import StressCurve
+from mitsuba_taxel.fitting.material.noise import CurveNoise, taken_up
+from mitsuba_taxel.mechanics.materials.drucker import stable_stretch
+from mitsuba_taxel.mechanics.materials.laws import Material
+
+PROBABILITY = 0.95
+BEST_STARTS = 3
+"""Number of start values of which a fit is completed."""
+STEP = 1e-6
+"""Relative step of differences by shape parameters and slacks."""
+
+
+@dataclass(frozen=True, eq=False)
+class LawFit:
+    """A law fitted to tests.
+
+    Attributes
+    ----------
+    candidate : Candidate
+        The law.
+    constants : (p,) ndarray
+        In the order of ``candidate.names``.
+    covariance : (p, p) ndarray
+        Covariance of their errors; infinite variance of constants that the tests do not determine.
+    low, high : (p,) ndarray
+        Ends of 95 % intervals.
+    slacks, slack_errors : (c,) ndarray
+        Slack of each curve, and its standard deviation.
+    stress : list[ndarray]
+        Fitted nominal stress of each curve in MPa.
+    misfit : float
+        Root mean square of the residuals, relative to the noise of the tests.
+    rms : float
+        Root mean square of the residuals, relative to the largest stress of their curve.
+    predicted : (n,) ndarray
+        Cross-validated residuals, relative to the noise: those of a fit without the row.
+    cross_validated : float
+        Root mean square of these residuals, relative to the largest stress of their curve.
+    material : Material or None
+        The law; None if it is refused.
+    stable : float
+        Principal stretch up to which it is stable.
+    refusal : str
+        Why it is refused; empty if it is not.
+    possible_slacks : (2, c) ndarray
+        Least and largest slack of each curve that the tests do not exclude and the intervals hold; zeros if only
+        ``slacks`` are.
+    """
+
+    candidate: Candidate
+    constants: np.ndarray
+    covariance: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    slacks: np.ndarray
+    slack_errors: np.ndarray
+    stress: list[np.ndarray]
+    misfit: float
+    rms: float
+    predicted: np.ndarray
+    cross_validated: float
+    material: Material | None
+    stable: float
+    refusal: str
+    possible_slacks: np.ndarray
+
+
+class Tests:
+    """Curves and their noise, stacked.
+
+    Parameters
+    ----------
+    curves : list[StressCurve]
+        Loading branches.
+    noises : list[CurveNoise]
+        Noise of each.
+    """
+
+    __test__ = False
+
+    def __init__(self, curves: list[StressCurve], noises: list[CurveNoise]) -> None:
+        self.curves = curves
+        self.deviation = np.concatenate([noise.deviation for noise in noises])
+        self.measured = np.concatenate([curve.stress for curve in curves])
+        self.largest = np.concatenate([np.full(len(c.lines), np.abs(c.stress).max()) for c in curves])
+        self.slacks = np.array([noise.slack for noise in noises])
+        self.free = np.flatnonzero(self.slacks)
+        self.ends = np.cumsum([len(curve.lines) for curve in curves])[:-1]
+
+    def columns(self, candidate: Candidate, shapes: Any, slacks: np.ndarray) -> np.ndarray:
+        """(n, m) columns of a law, in noise."""
+        pairs = zip(self.curves, slacks, strict=True)
+        rows = [candidate.columns(curve.mode, taken_up(curve, slack), tuple(shapes)) for curve, slack in pairs]
+        return np.concatenate(rows) / self.deviation[:, None]
+
+
+def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
+    """Fit a law to all tests.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        The law.
+    tests : Tests
+        Curves and their noise.
+
+    Returns
+    -------
+    LawFit or None
+        None if there are too few rows for its constants.
+    """
+    from scipy.optimize import least_squares, nnls
+    from scipy.stats import t
+
+    count, shapes = len(candidate.moduli), len(candidate.shapes)
+    rows = len(tests.measured)
+    freedom = rows - count - shapes - len(tests.free)
+    if freedom < 2:
+        return None
+    measured = tests.measured / tests.deviation
+
+    def linear(shape_values: Any, slacks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The best moduli for given shape parameters, and the residuals."""
+        columns = tests.columns(candidate, shape_values, slacks)
+        scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        if candidate.positive:
+            moduli = nnls(columns / scale, measured)[0] / scale
+        else:
+            moduli = np.linalg.lstsq(columns / scale, measured, rcond=None)[0] / scale
+        return moduli, columns @ moduli - measured
+
+    def all_slacks(free: np.ndarray) -> np.ndarray:
+        slacks = tests.slacks.copy()
+        slacks[tests.free] = free
+        return slacks
+
+    # Moduli are found by linear least squares for each value of the other unknowns (variable projection).
+    ranked = sorted(candidate.starts, key=lambda start: float(np.square(linear(start, tests.slacks)[1]).sum()))
+    low = np.array([*[candidate.bounds[0]] * shapes, *[-0.2] * len(tests.free)])
+    high = np.array([*[candidate.bounds[1]] * shapes, *[0.3] * len(tests.free)])
+    best, least = np.array([*ranked[0], *tests.slacks[tests.free]]), np.inf
+    if len(best):
+        for start in ranked[:BEST_STARTS]:
+            solution = least_squares(
+                lambda x: linear(x[:shapes], all_slacks(x[shapes:]))[1],
+                np.array([*start, *tests.slacks[tests.free]]),
+                bounds=(low, high),
+                x_scale=np.array([*np.maximum(np.abs(start), 1.0), *[0.01] * len(tests.free)]),
+                max_nfev=60,
+            )
+            if solution.cost < least:
+                best, least = solution.x, solution.cost
+    moduli, residual = linear(best[:shapes], all_slacks(best[shapes:]))
+
+    # Covariance by the Jacobian of all unknowns; neighbouring residuals that are alike widen it.
+    unknowns = np.concatenate([moduli, best])
+
+    def model(x: np.ndarray) -> np.ndarray:
+        return tests.columns(candidate, x[count : count + shapes], all_slacks(x[count + shapes :])) @ x[:count]
+
+    jacobian = np.empty((rows, len(unknowns)))
+    jacobian[:, :count] = tests.columns(candidate, best[:shapes], all_slacks(best[shapes:]))
+    for k in range(count, len(unknowns)):
+        step = np.zeros(len(unknowns))
+        step[k] = STEP * max(1.0, abs(unknowns[k]))
+        jacobian[:, k] = (model(unknowns + step) - model(unknowns - step)) / (2 * step[k])
+    norms = np.linalg.norm(jacobian, axis=0)
+    determined = norms * np.maximum(np.abs(unknowns), 1e-6) > 1e-6 * np.linalg.norm(measured)
+    scale = np.where(determined, norms, 1.0)
+    left, singular, right = np.linalg.svd(np.where(determined, jacobian / scale, 0.0), full_matrices=False)
+    kept = singular > 1e-8 * singular[0]
+    variance = float(residual @ residual) / freedom
+    root = right.T * np.where(kept, 1 / np.where(kept, singular, 1), 0) / scale[:, None]
+    covariance = variance * _correlation_factor(residual, tests.ends) * (root @ root.T)
+    leverage = np.minimum(np.square(left[:, kept]).sum(axis=1), 0.99)
+    predicted = residual / (1 - leverage)
+    # Noise that is not as assumed: HC3 of MacKinnon and White (1985), where it is larger.
+    robust = np.square(root @ (left.T * predicted)).sum(axis=1)
+    wider = np.sqrt(np.maximum(robust / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    covariance = covariance * np.outer(wider, wider)
+    unknown = ~determined | (np.abs(right[~kept]) > 0.1).any(axis=0)
+    covariance[unknown] = covariance[:, unknown] = 0.0
+    covariance[unknown, unknown] = np.inf
+
+    # Results, in MPa and relative to the largest stress of each curve.
+    own = count + shapes
+    slack_errors = np.zeros(len(tests.curves))
+    slack_errors[tests.free] = np.sqrt(np.diag(covariance))[own:]
+    constants, covariance = unknowns[:own], covariance[:own, :own]
+    width = float(t.ppf(0.5 + 0.5 * PROBABILITY, freedom)) * np.sqrt(np.diag(covariance))
+    relative = tests.deviation / tests.largest
+    material, stable, refusal = _law(candidate, constants)
+    return LawFit(
+        candidate,
+        constants,
+        covariance,
+        constants - width,
+        constants + width,
+        all_slacks(best[shapes:]),
+        slack_errors,
+        np.split(model(unknowns) * tests.deviation, tests.ends),
+        float(np.sqrt(variance)),
+        float(np.sqrt(np.square(residual * relative).mean())),
+        predicted,
+        float(np.sqrt(np.square(predicted * relative).mean())),
+        material,
+        stable,
+        refusal,
+        np.zeros((2, len(tests.curves))),
+    )
+
+
+def _correlation_factor(residual: np.ndarray, ends: np.ndarray) -> float:
+    """Factor of the covariance for residuals that are like their neighbours: (1 + r) / (1 - r), at least 1."""
+    parts = np.split(residual, ends)
+    total = sum(float(part @ part) for part in parts)
+    correlation = sum(float(part[1:] @ part[:-1]) for part in parts) / total if total else 0.0
+    if correlation < 2 / np.sqrt(len(residual)):
+        return 1.0
+    correlation = min(correlation, 0.95)
+    return (1 + correlation) / (1 - correlation)
+
+
+def _law(candidate: Candidate, constants: np.ndarray) -> tuple[Material | None, float, str]:
+    """The law with these constants, the stretch up to which it is stable, and why it is refused."""
+    named = dict(zip(candidate.names, constants.tolist(), strict=True))
+    try:
+        material = candidate.build(named)
+    except InputError as error:
+        return None, 1.0, str(error)
+    return material, stable_stretch(material), ""

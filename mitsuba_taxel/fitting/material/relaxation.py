@@ -1,0 +1,175 @@
+"""Prony series of a relaxation test."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import path_of
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.table import UNITS, read_table
+
+MOST_TERMS = 4
+LEAST_ROWS = 8
+SIGNIFICANT = 2.5
+"""Deviations by which more terms must be better, cross-validated."""
+
+
+@dataclass(frozen=True, eq=False)
+class RelaxationFit:
+    """A Prony series fitted to a relaxation test.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file.
+    prony : tuple[tuple[float, float], ...]
+        Weight and relaxation time in s of each term, the shortest time first.
+    weight_errors, time_errors : (k,) ndarray
+        Half-widths of 95 % intervals.
+    rms : float
+        Root mean square of the residuals, relative to the stress at the start.
+    time, stress, model : (n,) ndarray
+        Time since the start in s, and measured and fitted stress, relative to the fitted stress at the start.
+    notes : list[str]
+        What was left out or assumed.
+    """
+
+    file: str
+    prony: tuple[tuple[float, float], ...]
+    weight_errors: np.ndarray
+    time_errors: np.ndarray
+    rms: float
+    time: np.ndarray
+    stress: np.ndarray
+    model: np.ndarray
+    notes: list[str]
+
+
+def fit_relaxation(file: str | Path) -> RelaxationFit:
+    """Fit a Prony series to stress or force over time at a constant strain.
+
+    One to four terms are fitted; more terms are taken where they predict rows that the fit has not seen better.
+
+    Parameters
+    ----------
+    file : str or Path
+        Table with a column ``time`` and a column of stress or force.
+
+    Returns
+    -------
+    RelaxationFit
+        Weights, relaxation times and their errors.
+
+    Raises
+    ------
+    InputError
+        if the table is none of a relaxation.
+    """
+    path = path_of("relaxation", file)
+    what = f"relaxation {path.name!r}"
+    table = read_table(what, path)
+    times = [column for column in table.columns if column.heading.lower().startswith(("time", "t [", "t_"))]
+    words = ("stress", "force", "load")
+    loads = [column for column in table.columns if any(word in column.heading.lower() for word in words)]
+    if len(times) != 1 or len(loads) != 1:
+        raise InputError(f"{what}: one column 'time [s]' and one column of stress or force are needed.")
+    factor = float(UNITS[times[0].unit][1]) if times[0].unit in ("s", "ms", "min", "us") else 1.0
+    time, stress = factor * table.numbers(times[0]), np.abs(table.numbers(loads[0]))
+    lines = np.array(table.lines)
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        line = lines[back[0] + 1]
+        raise InputError(f"{what}, line {line}: time does not grow: rows in the order of time are needed.")
+
+    # The stress is held from its largest value on.
+    width = max(1, len(stress) // 50)
+    start = int(np.argmax(np.convolve(stress, np.ones(width) / width, mode="valid")))
+    notes = [f"{path.name}: {start} rows before the largest stress are left out"] if start else []
+    time, stress, lines = time[start:] - time[start], stress[start:], lines[start:]
+    if len(time) < LEAST_ROWS:
+        raise InputError(f"{what}: {len(time)} rows from line {lines[0]} on are not allowed: at least {LEAST_ROWS}.")
+    fits = [fit for fit in (_fit(time, stress, terms) for terms in range(1, MOST_TERMS + 1)) if fit is not None]
+    chosen = fits[0]
+    for fit in fits[1:]:
+        gain = chosen.predicted**2 - fit.predicted**2
+        if gain.mean() > SIGNIFICANT * gain.std() / np.sqrt(len(gain)):
+            chosen = fit
+    amplitude = chosen.weights[0]
+    if chosen.shares.sum() < 1e-3:
+        raise InputError(f"{what}, line {lines[0]}: the stress does not fall: a test at constant strain is needed.")
+    notes.append(f"{path.name}: the strain is taken as applied at once at line {lines[0]}")
+    return RelaxationFit(
+        path.name,
+        tuple((float(g), float(tau)) for g, tau in zip(chosen.shares, chosen.times, strict=True)),
+        chosen.share_errors,
+        chosen.time_errors,
+        float(np.sqrt(np.mean((chosen.model - stress) ** 2))) / amplitude,
+        time,
+        stress / amplitude,
+        chosen.model / amplitude,
+        notes,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """A series of a given number of terms: amplitude at the start, shares, times, and their errors."""
+
+    weights: np.ndarray
+    shares: np.ndarray
+    times: np.ndarray
+    share_errors: np.ndarray
+    time_errors: np.ndarray
+    model: np.ndarray
+    predicted: np.ndarray
+
+
+def _fit(time: np.ndarray, stress: np.ndarray, terms: int) -> _Terms | None:
+    """S0 (1 - sum of g_i (1 - exp(-t / tau_i))) by least squares over S0, g_i and ln tau_i; None if terms vanish."""
+    from scipy.optimize import least_squares, nnls
+    from scipy.stats import t
+
+    freedom = len(time) - 2 * terms - 1
+    if freedom < 3:
+        return None
+    last, first = float(time[-1]), max(float(time[1]), 1e-6 * float(time[-1]))
+
+    def columns(logarithms: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.ones_like(time), *(np.exp(-time / np.exp(value)) for value in logarithms)])
+
+    def residual(logarithms: np.ndarray) -> np.ndarray:
+        basis = columns(logarithms)
+        return basis @ nnls(basis, stress)[0] - stress
+
+    inner = np.linspace(np.log(first), np.log(last), terms + 2)[1:-1]
+    bounds = (np.log(first / 10), np.log(10 * last))
+    solution = least_squares(residual, inner, bounds=bounds, max_nfev=200)
+    logarithms = np.sort(solution.x)
+    basis = columns(logarithms)
+    amplitudes = nnls(basis, stress)[0]
+    if np.any(amplitudes[1:] <= 0) or np.any(np.diff(logarithms) < 0.2):
+        return None
+
+    # Errors of S0, the shares and the logarithms of times.
+    total = float(amplitudes.sum())
+    shares = amplitudes[1:] / total
+    decay = 1 - basis[:, 1:]
+    by_time = -total * shares * basis[:, 1:] * -(time[:, None] / np.exp(logarithms))
+    jacobian = np.column_stack([1 - decay @ shares, -total * decay, by_time])
+    left, singular, right = np.linalg.svd(jacobian / (scale := np.linalg.norm(jacobian, axis=0)), full_matrices=False)
+    difference = basis @ amplitudes - stress
+    root = right.T / singular / scale[:, None]
+    error = np.sqrt(float(difference @ difference) / freedom * np.diag(root @ root.T)) * t.ppf(0.975, freedom)
+    leverage = np.minimum(np.square(left).sum(axis=1), 0.99)
+    return _Terms(
+        np.array([total]),
+        shares,
+        np.exp(logarithms),
+        error[1 : terms + 1],
+        error[terms + 1 :] * np.exp(logarithms),
+        basis @ amplitudes,
+        difference / (1 - leverage),
+    )
