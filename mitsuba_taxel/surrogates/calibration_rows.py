@@ -16,6 +16,8 @@ from mitsuba_taxel.characterise.roles import roles_of_study, with_forces_named
 from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
 
+LEAST_SHARE = 0.01
+"""Range of a component of a computed force, relative to the largest force, from which it is calibrated."""
 COPIES = 8
 """Number of noisy copies of each reading of a study."""
 OVER = {
@@ -143,12 +145,21 @@ def _varied(stacked: xr.DataArray, roles: dict[str, str], kind: str) -> dict[str
 
 
 def _computed_forces(study: xr.Dataset, dims: list, finite: np.ndarray) -> dict[str, np.ndarray]:
-    """Forces (rows,) of a plate or an indenter whose displacement is prescribed, if the study contains them."""
-    columns = {}
+    """Forces (rows,) of a plate or an indenter whose displacement is prescribed, where the study contains them.
+
+    Components that change by less than `LEAST_SHARE` of the largest force, or than their error, are left out.
+    """
+    columns, errors = {}, {}
     for name in FORCES:
-        if f"reaction_{name}" not in study:
-            continue
-        values = study[f"reaction_{name}"].transpose(*dims).values.ravel()[finite]
-        if np.isfinite(values).all() and np.ptp(values) > 0:
-            columns[name] = values
-    return columns
+        for values_of, suffix in ((columns, ""), (errors, "_error")):
+            if f"reaction_{name}{suffix}" in study:
+                values = study[f"reaction_{name}{suffix}"].transpose(*dims).values.ravel()[finite]
+                values_of[name] = values
+    largest = max((float(np.abs(values).max()) for values in columns.values()), default=0.0)
+    kept = {}
+    for name, values in columns.items():
+        known = errors.get(name, np.zeros(1))
+        least = max(LEAST_SHARE * largest, float(known[np.isfinite(known)].max(initial=0.0)))
+        if np.isfinite(values).all() and np.ptp(values) > least:
+            kept[name] = values
+    return kept

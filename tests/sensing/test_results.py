@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
-from mitsuba_taxel import Pad, PadSensor, Wall, open_study, sweep
+from mitsuba_taxel import Pad, PadSensor, Wall, open_study, sweep, write_template
 from mitsuba_taxel.mechanics import NeoHookean, load_path
 from mitsuba_taxel.sensing.reading import pad_results
 from mitsuba_taxel.sensing.reading.pad_results import Estimate, PadResult
@@ -31,6 +34,24 @@ def test_tables_hold_every_listed_result_with_and_without_derivatives(tmp_path, 
     assert "derivative_error_fz_W/N" in table and "largest_strain_derivative" in study
     stored = open_study(tmp_path / "study")
     np.testing.assert_array_equal(stored.largest_strain_error, study.largest_strain_error)
+
+
+def test_studies_by_depth_hold_the_force_the_moment_and_the_place_of_an_indenter(tmp_path):
+    """Columns of every file; all forces of a smooth ball pass through its centre."""
+    write_template("touch", tmp_path / "touch.xml")
+    size = {"rows": "1", "columns": "1", "indenter_radius": "1.5", "indenter_x": "0.3"}
+    vary = {"indenter_depth": "0,0.15"}
+    study = sweep(tmp_path / "touch.xml", vary, size, points=64, mesh_size=1.5, output=tmp_path / "study")
+    assert study.reaction_fz[0] == study.reaction_fz_error[0] == study.reaction_my[0] == 0
+    assert study.reaction_fz[1] < -10 * study.reaction_fz_error[1] < 0 and np.isnan(study.centre_of_pressure_x[0])
+    assert study.centre_of_pressure_x[1] == pytest.approx(0.3, abs=0.02)
+    assert study.reaction_fz.units == "N" and study.reaction_my.units == "N mm"
+    table = pd.read_csv(tmp_path / "study" / "readings.csv", comment="#")
+    np.testing.assert_array_equal(table["reaction_fz_N"], study.reaction_fz)
+    xr.testing.assert_identical(open_study(tmp_path / "study").reaction_my, study.reaction_my)
+    centre = float(json.loads(study.attrs["parameters"])["height"]) + 1.5 - 0.15
+    moment = centre * study.reaction_fx[1] - 0.3 * study.reaction_fz[1]
+    assert study.reaction_my[1] == pytest.approx(float(moment), rel=0.01)
 
 
 @pytest.mark.parametrize(("cell", "force"), [("parallelepiped", -1.5), ("cylindrical", -1.0), ("spherical", -0.5)])

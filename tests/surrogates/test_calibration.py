@@ -125,7 +125,9 @@ def touches(places=8, reaction=True):
     study = xr.Dataset({"power": (["spot", "down", "taxel"], power)}, {"spot": x, "down": depth, "taxel": [1, 2]})
     roles = {"spot": ["indenter_x", 1], "down": ["uz", -1]}
     study.attrs = {"curve": "down", "roles": json.dumps(roles), "forces": "{}", "parameters": "{}"}
-    return study.assign(reaction_fz=(["spot", "down"], force)) if reaction else study
+    columns = {"fx": 1e-3 * force, "fy": 0.05 * force, "fy_error": 0.5 + 0 * force, "fz": force}  # only fz is resolved
+    named = {f"reaction_{name}": (["spot", "down"], values) for name, values in columns.items()}
+    return study.assign(named) if reaction else study
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,18 @@ class Reactions:
         return self.state.force_error
 
     @property
+    def centre_of_pressure(self) -> np.ndarray:
+        """Point (2,) in mm where the line of action of the applied force meets the plane of the undeformed top.
+
+        It is that of a wrench whose moment normal to the plane is left out; NaN without a force normal to it.
+        """
+        fx, fy, fz = self.applied_force
+        if fz == 0:
+            return np.full(2, np.nan)
+        height = float(self.state.mesh.points[:, 2].max())
+        return np.array([height * fx - self.applied_moment[1], height * fy + self.applied_moment[0]]) / fz
+
+    @property
     def imbalance(self) -> float:
         """Sum of the forces, or of the moments divided by `size`, relative to the forces; 0 without load.
 

@@ -10,6 +10,7 @@ from mitsuba_taxel.base.convergence import ERROR_SHARE
 
 if TYPE_CHECKING:  # the list is read in scenes without a pad, too
     from mitsuba_taxel.mechanics.continuation.state import State
+    from mitsuba_taxel.mechanics.results.balance import Reactions
 
 
 class Estimate(NamedTuple):
@@ -51,6 +52,72 @@ def _largest_strain(state: State, with_error: bool) -> Estimate:
     return Estimate(strain.value, ERROR_SHARE * math.hypot(*changes))
 
 
+class ReactionResult(NamedTuple):
+    """A number that is computed from the forces of a bonded plate or an indenter on a pad.
+
+    Attributes
+    ----------
+    name, unit, meaning : str
+        Name, unit and meaning, as in tables.
+    of : Callable[[Reactions], float]
+        Computes the number.
+    error_of : Callable[[Reactions], float]
+        Computes its error; NaN if unknown.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    of: Callable[[Reactions], float]
+    error_of: Callable[[Reactions], float]
+
+
+def _component(attribute: str, axis: int) -> Callable[[Reactions], float]:
+    return lambda reactions: float(getattr(reactions, attribute)[axis])
+
+
+def _centre(axis: int) -> Callable[[Reactions], float]:
+    return lambda reactions: float(reactions.centre_of_pressure[axis])
+
+
+def _unknown(reactions: Reactions) -> float:
+    """0 for a pad that is not touched, else NaN."""
+    return math.nan if reactions.applied_force.any() else 0.0
+
+
+REACTION_RESULTS = [
+    *(
+        ReactionResult(
+            f"reaction_f{axis}",
+            "N",
+            f"force of the plate or the indenter on the pad, along {axis}",
+            _component("applied_force", number),
+            lambda reactions: reactions.force_error,
+        )
+        for number, axis in enumerate("xyz")
+    ),
+    *(
+        ReactionResult(
+            f"reaction_m{axis}",
+            "N mm",
+            f"moment of the plate or the indenter on the deformed pad, about {axis} through the centre of its bottom",
+            _component("applied_moment", number),
+            _unknown,
+        )
+        for number, axis in enumerate("xyz")
+    ),
+    *(
+        ReactionResult(
+            f"centre_of_pressure_{axis}",
+            "mm",
+            f"{axis} where the line of the force of the plate or the indenter meets the plane of the unloaded top",
+            _centre(number),
+            lambda reactions: math.nan,
+        )
+        for number, axis in enumerate("xy")
+    ),
+]
+"""All of them; they exist where a scene has one pad, which a bonded plate or an indenter loads."""
 PAD_RESULTS = [
     PadResult(
         "largest_strain",
@@ -66,4 +133,30 @@ def pad_results(states: Sequence[State], with_errors: bool = True) -> dict[str, 
     """Results of pads by name; empty without pads."""
     if not states:
         return {}
-    return {result.name: max(result.of(state, with_errors) for state in states) for result in PAD_RESULTS}
+    results = {result.name: max(result.of(state, with_errors) for state in states) for result in PAD_RESULTS}
+    return {**results, **_reaction_results(states, with_errors)}
+
+
+def _reaction_results(states: Sequence[State], with_errors: bool) -> dict[str, Estimate]:
+    """Results of the forces of a plate or an indenter, by name.
+
+    They are left out for several pads, whose forces have no common meaning, and for a bonded plate with self-contact,
+    where forces of the pad's own contact act on the same nodes.
+    """
+    from mitsuba_taxel.mechanics.results.balance import reactions
+
+    if len(states) > 1:
+        return {}
+    (state,) = states
+    load = getattr(state, "load", None)
+    if load is None or not (load.indenter is not None or (load.bonded_plate and not load.self_contact)):
+        return {}
+    if load.indenter is not None and state.indenter_moved is None:  # not touched yet
+        zero = Estimate(0.0, 0.0 if with_errors else math.nan)
+        unknown = Estimate(math.nan, math.nan)
+        return {result.name: unknown if result.unit == "mm" else zero for result in REACTION_RESULTS}
+    balance = reactions(state)
+    return {
+        result.name: Estimate(result.of(balance), result.error_of(balance) if with_errors else math.nan)
+        for result in REACTION_RESULTS
+    }

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.sensing.reading.pad_results import PAD_RESULTS
+from mitsuba_taxel.sensing.reading.pad_results import PAD_RESULTS, REACTION_RESULTS
 from mitsuba_taxel.sensing.reading.readings import Readings
 
 TAXEL, PARAMETER = "taxel", "parameter"
@@ -124,7 +124,7 @@ RESULTS: tuple[Result, ...] = (
     ),
     *(
         entry
-        for result in PAD_RESULTS
+        for result in (*PAD_RESULTS, *REACTION_RESULTS)
         for entry in (
             Result(result.name, result.unit, result.meaning, (), _of_pads(result.name, "value")),
             Result(
