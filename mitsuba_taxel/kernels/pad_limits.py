@@ -36,7 +36,7 @@ def check_triangles(subdivision: int, faces: int) -> None:
     if triangles > MOST_TRIANGLES:
         raise InputError(
             f"subdivision = {subdivision} is not allowed: the surface of the cells would have {triangles:.1e} "
-            f"triangles, more than {MOST_TRIANGLES:.0e}; choose a smaller one, or list the cells to read in read_cells."
+            f"triangles, more than {MOST_TRIANGLES:.0e}; choose a smaller value, or list cells to read in read_cells."
         )
 
 

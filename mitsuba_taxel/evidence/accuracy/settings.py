@@ -202,7 +202,7 @@ def _over_patches(
             remarks.append(f"{size:.2g} mm: {error}")
             continue
         if result is None:
-            remarks.append(f"patches of {size:.2g} mm: too many, or too much light is hidden")
+            remarks.append(f"patches of {size:.2g} mm: too many patches, or too much hidden light")
         else:
             points.append(_point(f"{size:.2g} mm", result.power, result.stated, now() - start, truth))
     return ErrorCurve("", WITHOUT, points, remark="; ".join(remarks))

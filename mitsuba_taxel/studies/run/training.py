@@ -197,7 +197,7 @@ def _check(split: Sequence[float], copies: int, seed: int, noisy: bool) -> None:
     """Raise `InputError` for a split, a number of copies or a seed that is not allowed."""
     good = is_row(split, is_number) and len(split) == len(PARTS) and min(split) > 0
     if not (good and math.isclose(sum(split), 1)):
-        raise InputError(f"split = {split!r} is not allowed: three shares above 0, of sum 1, are needed.")
+        raise InputError(f"split = {split!r} is not allowed: three shares above 0, which add up to 1, are needed.")
     if not is_whole(copies) or copies < 1 or (copies > 1 and not noisy):
         raise InputError(f"copies = {copies!r} is not allowed: 1 or above, and above 1 only with noise, is needed.")
     check_seed(seed)
