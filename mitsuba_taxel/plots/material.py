@@ -25,7 +25,7 @@ def plot_material(
     laws : sequence of (str, sequence of ndarray)
         Name and stress of each law at the rows of each curve in MPa, the best first.
     relaxation : RelaxationFit, optional
-        Relaxation test, for a panel of its own.
+        Relaxation test, for a separate panel.
 
     Returns
     -------

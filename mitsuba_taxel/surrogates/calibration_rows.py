@@ -17,7 +17,7 @@ from mitsuba_taxel.electronics.samples import sampled
 from mitsuba_taxel.electronics.volts import circuit_of_study
 
 LEAST_SHARE = 0.01
-"""Range of a component of a computed force, relative to the largest force, from which it is calibrated."""
+"""A component of a computed force is calibrated if its range, relative to the largest force, is at least this."""
 COPIES = 8
 """Number of noisy copies of each reading of a study."""
 OVER = {
@@ -147,7 +147,7 @@ def _varied(stacked: xr.DataArray, roles: dict[str, str], kind: str) -> dict[str
 def _computed_forces(study: xr.Dataset, dims: list, finite: np.ndarray) -> dict[str, np.ndarray]:
     """Forces (rows,) of a plate or an indenter whose displacement is prescribed, where the study contains them.
 
-    Components that change by less than `LEAST_SHARE` of the largest force, or than their error, are left out.
+    Components that change by less than `LEAST_SHARE` of the largest force, or by less than their error, are omitted.
     """
     columns, errors = {}, {}
     for name in FORCES:

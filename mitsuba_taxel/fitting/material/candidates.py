@@ -1,4 +1,4 @@
-"""Laws that are fitted: nominal stress of incompressible solids in closed form, and start values."""
+"""Laws to be fitted: nominal stress of incompressible solids in closed form, and start values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ POISSON_RATIO = 0.49
 
 
 def principal(mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Second and third principal stretch (n,) of a mode, with the volume kept."""
+    """Second and third principal stretch (n,) of a mode at constant volume."""
     powers = {"uniaxial": (-0.5, -0.5), "planar": (0.0, -1.0), "equibiaxial": (1.0, -2.0)}[mode]
     return stretch ** powers[0], stretch ** powers[1]
 
@@ -29,7 +29,7 @@ def principal(mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 class Candidate:
     """A law with a given number of terms.
 
-    Nominal stress is a sum of columns, each times a constant in MPa; columns may depend on shape parameters.
+    Nominal stress is a sum of columns, each multiplied by a constant in MPa. Columns may depend on shape parameters.
 
     Attributes
     ----------
@@ -38,15 +38,15 @@ class Candidate:
     moduli, shapes : tuple[str, ...]
         Names of the constants in MPa, and of the shape parameters.
     columns : Callable
-        (n, moduli) columns of (mode, stretch (n,), shape parameters).
+        Function of mode, stretch (n,) and shape parameters that returns the columns (n, moduli).
     starts : tuple[tuple[float, ...], ...]
         Shape parameters from which fits start.
     bounds : tuple[float, float]
-        Of the shape parameters.
+        Bounds of the shape parameters.
     positive : bool
         Whether all moduli must be 0 or more.
     build : Callable
-        Law of its constants by name.
+        Function that returns the law for constants by name.
     """
 
     label: str
@@ -64,13 +64,13 @@ class Candidate:
         return (*self.moduli, *self.shapes)
 
     def stress(self, mode: str, stretch: np.ndarray, constants: np.ndarray) -> np.ndarray:
-        """(n,) nominal stress in MPa; ``constants`` are in the order of `names`."""
+        """Nominal stress (n,) in MPa; ``constants`` are in the order of `names`."""
         count = len(self.moduli)
         return self.columns(mode, stretch, tuple(constants[count:])) @ constants[:count]
 
 
 def _invariant(mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) I1 - 3, and 2 (l - l3^2 / l), with which dW/dI1 becomes stress."""
+    """I1 - 3 (n,), and 2 (l - l3^2 / l), the factor from dW/dI1 to stress."""
     second, third = principal(mode, stretch)
     return stretch**2 + second**2 + third**2 - 3, 2 * (stretch - third**2 / stretch)
 
@@ -142,12 +142,13 @@ CANDIDATES = (
     ),
     *(_ogden_candidate(terms) for terms in (1, 2, 3)),
 )  # fmt: skip
-"""All of them, those with fewer constants first among laws of a kind."""
+"""All laws; of laws of the same kind, those with fewer constants come first."""
 
 
 def flexible_columns(mode: str, stretch: np.ndarray) -> np.ndarray:
-    """(n, 4) columns of a law that follows every curve of one mode: Yeoh's three, and Mooney-Rivlin's second."""
-    # In planar tension I1 = I2, and both of Mooney-Rivlin's columns are the same: a logarithm takes the place of one.
+    """Columns (n, 4) of a law that can follow any curve of one mode: Yeoh's three columns, and Mooney-Rivlin's
+    second."""
+    # In planar tension I1 = I2, so both columns of Mooney-Rivlin are equal: a logarithm replaces one of them.
     factor = _invariant(mode, stretch)[1]
     fourth = _mooney(mode, stretch, ())[:, 1] if mode != "planar" else factor / stretch
     return np.column_stack([_yeoh(3)(mode, stretch, ()), fourth])

@@ -1,4 +1,4 @@
-"""Tables of tests of a silicone: stretch and nominal stress of the loading branch, and what is refused."""
+"""Tables of tests of a silicone: stretch and nominal stress of the loading branch, and checks."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from mitsuba_taxel.base.files.table import UNITS, Column, Table, read_table
 
 MODES = ("uniaxial", "planar", "equibiaxial")
 LEAST_ROWS = 5
-"""Least rows of a loading branch: more than the constants of the simplest laws."""
+"""Least number of rows of a loading branch, which exceeds the number of constants of the simplest laws."""
 LARGEST_PLAIN_STRAIN = 3.0
-"""Largest strain of a column without a unit: above it, a strain may be in percent."""
+"""Largest strain of a column without a unit; larger numbers may be in percent."""
 TURN = 0.04
 """Decrease of strain, relative to its range, with which an unloading branch begins."""
 SIGN = 0.05
-"""Part of the largest stress and strain from which on their signs are compared."""
+"""Fraction of the largest stress and strain above which their signs are compared."""
 FALL = 0.03
-"""Fall of the stress, relative to the largest one, that is refused where noise does not explain it."""
+"""Decrease of the stress, relative to the largest stress, that is refused if noise does not explain it."""
 SIGMAS = 5.0
 _OWN_UNITS = {
     "%": 0.01, "percent": 0.01, "psi": 6.894757293168361e-3, "ksi": 6.894757293168361, "n/mm2": 1.0, "n/mm^2": 1.0,
@@ -51,7 +51,7 @@ class StressCurve:
     strain, stress : (N,) ndarray
         Nominal strain and nominal stress in MPa, negative in compression.
     notes : list[str]
-        What was left out or converted.
+        Notes on omitted or converted rows.
     """
 
     file: str
@@ -63,7 +63,7 @@ class StressCurve:
 
     @property
     def largest_stretch(self) -> float:
-        """Largest principal stretch: that of the sides in uniaxial compression."""
+        """Largest principal stretch; in uniaxial compression, the stretch of the sides."""
         high, low = 1 + float(self.strain.max()), 1 + float(self.strain.min())
         across = {"uniaxial": low**-0.5, "planar": 1 / low, "equibiaxial": low**-2}[self.mode]
         return max(high, across)
@@ -95,7 +95,7 @@ def read_curve(
     length : float, optional
         Undeformed length between the marks or clamps in mm, for extensions.
     true_stress : bool
-        Whether stresses are per deformed area, if the heading does not say so.
+        Whether stresses are forces per deformed area, if the heading does not state it.
 
     Returns
     -------
@@ -105,7 +105,8 @@ def read_curve(
     Raises
     ------
     InputError
-        if a column is missing or ambiguous, or rows cannot be a test of a silicone; the message names file and line.
+        if a column is missing or ambiguous, or if rows cannot be from a test of a silicone; the message names file and
+        line.
     """
     path = path_of("test", file)
     for name, value in (("area", area), ("length", length)):
@@ -143,7 +144,7 @@ def read_curve(
 
 
 def _column(table: Table, pattern: re.Pattern[str]) -> Column:
-    """The column whose heading has a word; engineering values are preferred to true ones."""
+    """The column whose heading contains one of the words; engineering values are preferred to true values."""
     found = [column for column in table.columns if pattern.search(column.heading)]
     nominal = [column for column in found if "true" not in column.heading.lower()]
     found = nominal or found
@@ -206,7 +207,7 @@ def _stresses(table: Table, column: Column, area: float | None) -> tuple[np.ndar
 
 
 def _refuse_signs(what: str, lines: np.ndarray, strain: np.ndarray, stress: np.ndarray, compression: bool) -> None:
-    """Refuse a stress that acts against its strain."""
+    """Refuse a stress whose sign is opposite to the sign of its strain."""
     opposite = (strain * stress < 0) & (np.abs(strain) > SIGN * np.abs(strain).max())
     opposite &= np.abs(stress) > SIGN * np.abs(stress).max()
     if opposite.any():
@@ -219,14 +220,15 @@ def _refuse_signs(what: str, lines: np.ndarray, strain: np.ndarray, stress: np.n
 
 
 def _loading_branch(strain: np.ndarray, name: str) -> tuple[np.ndarray, list[str]]:
-    """Indices of the rows of the first loading, sorted by strain, and what is left out."""
+    """Indices of the rows of the first loading, sorted by strain, and notes on omitted rows."""
     size = np.abs(strain)
     threshold = TURN * float(size.max())
     highest = np.maximum.accumulate(size)
     turned = np.flatnonzero(highest - size > threshold)
     if not len(turned):
         return np.argsort(size, kind="stable"), []
-    # The first loading ends at the highest strain before the first turn; later rows beyond it belong to it again.
+    # The first loading ends at the highest strain before the first turn; later rows with higher strains are part of the
+    # loading, too.
     end = int(np.argmax(size[: turned[0] + 1]))
     beyond = np.flatnonzero(size > size[end])
     rows = np.concatenate([np.arange(end + 1), beyond[beyond > end]])
@@ -238,7 +240,7 @@ def _loading_branch(strain: np.ndarray, name: str) -> tuple[np.ndarray, list[str
 
 
 def _refuse_fall(what: str, curve: StressCurve) -> None:
-    """Refuse stress that falls while strain grows, beyond its noise."""
+    """Refuse stress that decreases by more than its noise while strain increases."""
     size, strain = np.abs(curve.stress), np.abs(curve.strain)
     order = np.argsort(strain, kind="stable")
     size, lines = size[order], curve.lines[order]

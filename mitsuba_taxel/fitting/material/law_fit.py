@@ -1,4 +1,4 @@
-"""Least squares of one law through the curves of all tests, with the error of its constants and of its predictions."""
+"""Least-squares fit of one law to the curves of all tests, with errors of its constants and of its predictions."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 
 PROBABILITY = 0.95
 BEST_STARTS = 3
-"""Number of start values of which a fit is completed."""
+"""Number of start values from which fits are completed."""
 STEP = 1e-6
-"""Relative step of differences by shape parameters and slacks."""
+"""Relative step of finite differences with respect to shape parameters and slacks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,10 @@ class LawFit:
     candidate : Candidate
         The law.
     constants : (p,) ndarray
-        In the order of ``candidate.names``.
+        Constants in the order of ``candidate.names``.
     covariance : (p, p) ndarray
-        Covariance of their errors; infinite variance of constants that the tests do not determine.
+        Covariance of the errors of the constants; the variance is infinite for constants that the tests do not
+        determine.
     low, high : (p,) ndarray
         Ends of 95 % intervals.
     slacks, slack_errors : (c,) ndarray
@@ -44,18 +45,18 @@ class LawFit:
     rms : float
         Root mean square of the residuals, relative to the largest stress of their curve.
     predicted : (n,) ndarray
-        Cross-validated residuals, relative to the noise: those of a fit without the row.
+        Cross-validated residuals, relative to the noise: each from a fit without its row.
     cross_validated : float
         Root mean square of these residuals, relative to the largest stress of their curve.
     material : Material or None
         The law; None if it is refused.
     stable : float
-        Principal stretch up to which it is stable.
+        Principal stretch up to which the law is stable.
     refusal : str
-        Why it is refused; empty if it is not.
+        Reason why the law is refused; empty if it is not.
     possible_slacks : (2, c) ndarray
-        Least and largest slack of each curve that the tests do not exclude and the intervals hold; zeros if only
-        ``slacks`` are.
+        Least and largest slack of each curve that the tests do not exclude and that the intervals include; zeros if the
+        intervals include ``slacks`` only.
     """
 
     candidate: Candidate
@@ -84,7 +85,7 @@ class Tests:
     curves : list[StressCurve]
         Loading branches.
     noises : list[CurveNoise]
-        Noise of each.
+        Noise of each curve.
     """
 
     __test__ = False
@@ -99,7 +100,7 @@ class Tests:
         self.ends = np.cumsum([len(curve.lines) for curve in curves])[:-1]
 
     def columns(self, candidate: Candidate, shapes: Any, slacks: np.ndarray) -> np.ndarray:
-        """(n, m) columns of a law, in noise."""
+        """Columns (n, m) of a law, divided by the noise."""
         pairs = zip(self.curves, slacks, strict=True)
         rows = [candidate.columns(curve.mode, taken_up(curve, slack), tuple(shapes)) for curve, slack in pairs]
         return np.concatenate(rows) / self.deviation[:, None]
@@ -163,7 +164,7 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
                 best, least = solution.x, solution.cost
     moduli, residual = linear(best[:shapes], all_slacks(best[shapes:]))
 
-    # Covariance by the Jacobian of all unknowns; neighbouring residuals that are alike widen it.
+    # Covariance by the Jacobian of all unknowns; it is increased if neighbouring residuals are correlated.
     unknowns = np.concatenate([moduli, best])
 
     def model(x: np.ndarray) -> np.ndarray:
@@ -185,7 +186,7 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
     covariance = variance * _correlation_factor(residual, tests.ends) * (root @ root.T)
     leverage = np.minimum(np.square(left[:, kept]).sum(axis=1), 0.99)
     predicted = residual / (1 - leverage)
-    # Noise that is not as assumed: HC3 of MacKinnon and White (1985), where it is larger.
+    # For noise that differs from the assumed noise: HC3 of MacKinnon and White (1985), if it is larger.
     robust = np.square(root @ (left.T * predicted)).sum(axis=1)
     wider = np.sqrt(np.maximum(robust / np.maximum(np.diag(covariance), 1e-300), 1.0))
     covariance = covariance * np.outer(wider, wider)
@@ -222,7 +223,7 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
 
 
 def _correlation_factor(residual: np.ndarray, ends: np.ndarray) -> float:
-    """Factor of the covariance for residuals that are like their neighbours: (1 + r) / (1 - r), at least 1."""
+    """Factor on the covariance for correlated neighbouring residuals: (1 + r) / (1 - r), at least 1."""
     parts = np.split(residual, ends)
     total = sum(float(part @ part) for part in parts)
     correlation = sum(float(part[1:] @ part[:-1]) for part in parts) / total if total else 0.0
@@ -233,7 +234,7 @@ def _correlation_factor(residual: np.ndarray, ends: np.ndarray) -> float:
 
 
 def _law(candidate: Candidate, constants: np.ndarray) -> tuple[Material | None, float, str]:
-    """The law with these constants, the stretch up to which it is stable, and why it is refused."""
+    """The law with these constants, the stretch up to which it is stable, and the reason for a refusal."""
     named = dict(zip(candidate.names, constants.tolist(), strict=True))
     try:
         material = candidate.build(named)

@@ -21,20 +21,21 @@ if TYPE_CHECKING:
     import pandas
 
 SIGNIFICANT = 2.5
-"""Deviations by which a law with more constants must predict better."""
+"""Number of standard deviations by which a law with more constants must predict better."""
 NEGLIGIBLE = 2e-3
-"""Difference of predictions, relative to the largest stress, that does not pay for more constants."""
+"""Improvement of predictions, relative to the largest stress, that does not justify more constants."""
 BEGINS = 0.03
-"""First strain of a curve whose slack can be found, relative to the largest strain."""
+"""Largest first strain of a curve, relative to its largest strain, for which slack can be estimated."""
 LEAST_SLACK = 2e-3
 CLEAR = 6.0
-"""Improvement of the information criterion from which on a slack is taken for real."""
+"""Improvement of the information criterion from which a slack counts as real."""
 NEARLY = 1.5
-"""Residuals of laws that follow the tests nearly as well as the best, relative to its own."""
+"""Largest residuals of laws that follow the tests nearly as well as the best law, relative to the residuals of that
+law."""
 OTHER_MODES = 1.5
 """Largest stretch at which laws are compared in modes without tests."""
 POOR = 3.0
-"""Residuals relative to the noise above which the best law is said not to follow the tests."""
+"""Residuals, relative to the noise, above which a warning states that the best law does not follow the tests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +45,16 @@ class MaterialFit:
     Attributes
     ----------
     fits : list[LawFit]
-        Laws, the best first: the one with fewest constants that no other predicts clearly better than, then by their
-        cross-validated error; refused laws last.
+        Laws, the best law first: the law with the fewest constants, unless another law predicts clearly better. The
+        other laws follow by their cross-validated error, and refused laws last.
     curves : list[StressCurve]
         Tests.
     noises : list[CurveNoise]
-        Their noise.
+        Noise of each test.
     relaxation : RelaxationFit or None
         Prony series.
     warnings, notes : list[str]
-        Doubts about the result; what was left out or converted.
+        Doubts about the result; notes on omitted or converted rows.
     """
 
     fits: list[LawFit]
@@ -221,7 +222,7 @@ def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None
 
 
 def _with_slacks(curves: list[StressCurve], noises: list[CurveNoise], with_slacks: Tests) -> list[CurveNoise]:
-    """The noise of curves with estimates of slack, where it makes the simple laws much more likely."""
+    """Noise of curves, with an estimate of slack if it makes the simple laws much more likely."""
     if not len(with_slacks.free):
         return noises
 
@@ -246,7 +247,7 @@ def _with_slacks(curves: list[StressCurve], noises: list[CurveNoise], with_slack
 
 
 def _with_unknown_slacks(fit: LawFit, with_slacks: Tests) -> LawFit:
-    """The fit with intervals that also hold those of a fit in which all slacks are unknown."""
+    """The fit with intervals that include the intervals of a fit in which all slacks are unknown."""
     candidate = fit.candidate
     shapes = tuple(fit.constants[len(candidate.moduli) :].tolist())
     wider = fit_law(replace(candidate, starts=(shapes,)), with_slacks)
@@ -305,7 +306,7 @@ def _ranked(fits: list[LawFit], tests: Tests) -> list[LawFit]:
 
 
 def _spread_in_other_modes(fits: list[LawFit], mode: str, stretch: float) -> float:
-    """Largest relative difference of stress in modes without tests, of laws as good as the best."""
+    """Largest relative difference of stress, in modes without tests, between laws as good as the best law."""
     good = [fit for fit in fits if not fit.refusal and fit.misfit < NEARLY * fits[0].misfit]
     at = np.array([stretch])
     others = [other for other in ("uniaxial", "planar", "equibiaxial") if other != mode]

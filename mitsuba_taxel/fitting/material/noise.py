@@ -1,4 +1,4 @@
-"""Noise of test curves, from a curve through each that presumes no law."""
+"""Noise of test curves, from a smooth curve through each test that does not depend on a law."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from mitsuba_taxel.fitting.material.candidates import flexible_columns
 from mitsuba_taxel.fitting.material.curves import StressCurve
 
 FLOOR = 0.03
-"""Least deviation of noise that grows with the stress, relative to that at the largest stress."""
+"""Least deviation of noise that grows with the stress, relative to the deviation at the largest stress."""
 MOST_COLUMNS = 4
 CONTRADICTION = 0.10
-"""Difference of two tests of one mode, relative to the stress, that is refused where noise does not explain it."""
+"""Difference of two tests of one mode, relative to the stress, that is refused if noise does not explain it."""
 
 
 class CurveNoise(NamedTuple):
@@ -25,11 +25,11 @@ class CurveNoise(NamedTuple):
     deviation : (N,) ndarray
         Standard deviation of each row in MPa.
     relative : float
-        Deviation at the largest stress, relative to it.
+        Deviation at the largest stress, relative to that stress.
     grows : bool
         Whether the deviation grows with the stress.
     slack : float
-        Estimate of the strain of slack, or of preload if negative; 0 where the curve starts at the origin.
+        Estimate of the strain of slack, or of preload if negative; 0 if the curve starts at the origin.
     """
 
     deviation: np.ndarray
@@ -39,7 +39,7 @@ class CurveNoise(NamedTuple):
 
 
 def taken_up(curve: StressCurve, slack: float) -> np.ndarray:
-    """(N,) stretches without slack; 1 where it is not taken up yet."""
+    """Stretches (N,) without slack; 1 for rows before the slack is taken up."""
     sign = 1.0 if curve.strain.sum() > 0 else -1.0
     return 1 + sign * np.maximum(sign * curve.strain - slack, 0)
 
@@ -57,14 +57,14 @@ def curve_noise(curve: StressCurve, slack: float = 0.0) -> CurveNoise:
     Returns
     -------
     CurveNoise
-        Of the more likely of two kinds: constant, or growing with the stress.
+        Noise of the more likely of two kinds: constant, or growing with the stress.
     """
     fitted, deviation, grows = _smooth(curve, slack)
     return CurveNoise(deviation, float(deviation.max() / max(np.abs(fitted).max(), 1e-300)), grows, slack)
 
 
 def _smooth(curve: StressCurve, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Curve through the rows, deviation of each row, and whether it grows with stress."""
+    """Curve through the rows, deviation of each row, and whether the deviation grows with the stress."""
     columns = flexible_columns(curve.mode, taken_up(curve, slack))
     columns = columns[:, : min(MOST_COLUMNS, len(curve.lines) - 2)]
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -101,7 +101,7 @@ def refuse_contradictions(curves: list[StressCurve], noises: list[CurveNoise]) -
     Raises
     ------
     InputError
-        if two tests differ by more than that; the message names the row where they do most.
+        if two tests differ by more; the message names the row with the largest difference.
     """
     warnings = []
     for j, (second, noise) in enumerate(zip(curves, noises, strict=True)):

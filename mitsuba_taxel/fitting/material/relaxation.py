@@ -14,7 +14,7 @@ from mitsuba_taxel.base.files.table import UNITS, read_table
 MOST_TERMS = 4
 LEAST_ROWS = 8
 SIGNIFICANT = 2.5
-"""Deviations by which more terms must be better, cross-validated."""
+"""Number of standard deviations by which the cross-validated error must decrease for more terms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class RelaxationFit:
     time, stress, model : (n,) ndarray
         Time since the start in s, and measured and fitted stress, relative to the fitted stress at the start.
     notes : list[str]
-        What was left out or assumed.
+        Notes on omitted rows and assumptions.
     """
 
     file: str
@@ -51,7 +51,7 @@ class RelaxationFit:
 def fit_relaxation(file: str | Path) -> RelaxationFit:
     """Fit a Prony series to stress or force over time at a constant strain.
 
-    One to four terms are fitted; more terms are taken where they predict rows that the fit has not seen better.
+    One to four terms are fitted; more terms are used if they predict rows better that were left out of the fit.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def fit_relaxation(file: str | Path) -> RelaxationFit:
     Raises
     ------
     InputError
-        if the table is none of a relaxation.
+        if the table is not a relaxation test.
     """
     path = path_of("relaxation", file)
     what = f"relaxation {path.name!r}"
@@ -116,7 +116,7 @@ def fit_relaxation(file: str | Path) -> RelaxationFit:
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """A series of a given number of terms: amplitude at the start, shares, times, and their errors."""
+    """A series with a given number of terms: amplitude at the start, weights, times, and their errors."""
 
     weights: np.ndarray
     shares: np.ndarray
@@ -153,7 +153,7 @@ def _fit(time: np.ndarray, stress: np.ndarray, terms: int) -> _Terms | None:
     if np.any(amplitudes[1:] <= 0) or np.any(np.diff(logarithms) < 0.2):
         return None
 
-    # Errors of S0, the shares and the logarithms of times.
+    # Errors of S0, of the weights and of the logarithms of times.
     total = float(amplitudes.sum())
     shares = amplitudes[1:] / total
     decay = 1 - basis[:, 1:]

@@ -1,4 +1,4 @@
-"""The file of a fitted material, which scenes take as ``material``, and its words for a terminal."""
+"""The file of a fitted material, which scenes use as ``material``, and its description for a terminal."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mitsuba_taxel.fitting.material.material_fit import MaterialFit
 
 
 def write_material(fit: MaterialFit, file: str | Path, title: str = "") -> None:
-    """Write the best law as a TOML file that scenes take as ``material``.
+    """Write the best law as a TOML file that scenes use as ``material``.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def write_material(fit: MaterialFit, file: str | Path, title: str = "") -> None:
 
 
 def _value(value: Any) -> str:
-    """A text, number or list in TOML, whose basic strings are those of JSON."""
+    """A text, number or list in TOML; text is written as a JSON string."""
     return json.dumps(value, ensure_ascii=False)
 
 
@@ -112,7 +112,7 @@ def constant_rows(fit: LawFit) -> list[tuple[str, str, str]]:
     Returns
     -------
     list[tuple[str, str, str]]
-        In the order of the law.
+        Constants in the order of the law.
     """
     rows = []
     for name, value, high in zip(fit.candidate.names, fit.constants, fit.high, strict=True):

@@ -66,7 +66,7 @@ class Reactions:
     def centre_of_pressure(self) -> np.ndarray:
         """Point (2,) in mm where the line of action of the applied force meets the plane of the undeformed top.
 
-        It is that of a wrench whose moment normal to the plane is left out; NaN without a force normal to it.
+        The moment about the normal of the plane is ignored; NaN without a force normal to the plane.
         """
         fx, fy, fz = self.applied_force
         if fz == 0:

@@ -81,7 +81,7 @@ def _centre(axis: int) -> Callable[[Reactions], float]:
 
 
 def _unknown(reactions: Reactions) -> float:
-    """0 for a pad that is not touched, else NaN."""
+    """NaN as an unknown number; 0 for a pad that is not touched."""
     return math.nan if reactions.applied_force.any() else 0.0
 
 
@@ -117,7 +117,7 @@ REACTION_RESULTS = [
         for number, axis in enumerate("xy")
     ),
 ]
-"""All of them; they exist where a scene has one pad, which a bonded plate or an indenter loads."""
+"""All results of forces; they exist if a scene has one pad, which a bonded plate or an indenter loads."""
 PAD_RESULTS = [
     PadResult(
         "largest_strain",
@@ -140,8 +140,8 @@ def pad_results(states: Sequence[State], with_errors: bool = True) -> dict[str, 
 def _reaction_results(states: Sequence[State], with_errors: bool) -> dict[str, Estimate]:
     """Results of the forces of a plate or an indenter, by name.
 
-    They are left out for several pads, whose forces have no common meaning, and for a bonded plate with self-contact,
-    where forces of the pad's own contact act on the same nodes.
+    They are omitted for several pads, whose forces have no common meaning, and for a bonded plate with self-contact, as
+    forces of the contact act on the nodes of the plate, too.
     """
     from mitsuba_taxel.mechanics.results.balance import reactions
 
