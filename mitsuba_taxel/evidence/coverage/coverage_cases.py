@@ -13,10 +13,17 @@ from pathlib import Path
 import numpy as np
 
 from mitsuba_taxel.base.convergence import ERROR_SHARE, ORDER
-from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow
 from mitsuba_taxel.evidence.coverage.touch_cases import FINE_OF_TOUCH, touch_settings
-from mitsuba_taxel.evidence.rows.kind_examples import indenter_of, law_of, other_cells, other_indenters, pad_of
+from mitsuba_taxel.evidence.rows.kind_examples import (
+    generator,
+    indenter_of,
+    law_of,
+    other_cells,
+    other_indenters,
+    pad_of,
+)
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.mechanics.elements.loads import (
     IndenterDisplacement,
@@ -28,6 +35,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
 )
 from mitsuba_taxel.mechanics.errors.roof_error import size_ratio
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.pads.cells.cell_shape import CellShape
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import PadSensor, Readings, Scene, measure
 from mitsuba_taxel.sensing.reading.runs import prepare
@@ -41,6 +49,9 @@ COARSER = math.sqrt(2)
 PITCH_OF_THICK_WALLS = 3.55
 TOUCHED = ("sphere", "punch", "cylinder", "plane")
 """Indenters of `touch_settings`."""
+SEED = 53
+FILLETS = (0.1, 0.4)
+"""Range of the radii of rounded edges, mm."""
 FINE_OF_DOMES = {"spherical": 0.25, "hemispheric": 0.4}
 """Mesh sizes in mm of the truth of 2 x 2 domes: half the size of the reading would take too long."""
 
@@ -152,7 +163,7 @@ def _write_step(pad: Pad, file: Path) -> None:
 
 def coverage_cases() -> list[CoverageCase]:
     """The rows of the table, in its order."""
-    groups = (_one_cell, _loads, _four_cells, _files, _ten_cells, _other_kinds, _touched)
+    groups = (_one_cell, _loads, _four_cells, _files, _ten_cells, _other_kinds, _rounded, _touched)
     return [case for group in groups for case in group()]
 
 
@@ -207,6 +218,21 @@ def _other_kinds() -> Iterator[CoverageCase]:
             sensor = PadSensor(pad_of(cell, rows=1, columns=1), load=load, force=(0.0, 0.0, -0.2))
             words = f"{cell}, 1 x 1, {name} at {at} mm, 0.2 mm deep (truth: {FINE_OF_TOUCH:g} mm)"
             yield CoverageCase(words, sensor, fine=FINE_OF_TOUCH)
+
+
+def _rounded() -> Iterator[CoverageCase]:
+    """Registered shapes that can have a fillet, with wall, radius, load and direction drawn at random; a new shape
+    changes no other setting. Finishes are not here: their light needs random paths (see `estimators`)."""
+    for cell in CellShape.kinds():
+        random = generator(SEED, cell)
+        wall, fillet = round(random.uniform(0.3, 1.0), 2), round(random.uniform(*FILLETS), 2)
+        across, down = round(random.uniform(0.0, 0.3), 2), round(random.uniform(0.4, 1.0), 2)
+        try:
+            pad = pad_of(cell, rows=1, columns=1, wall=wall, fillet=fillet)
+        except InputError:  # no edge between roof and side
+            continue
+        name = f"{cell}, 1 x 1, wall {wall:g} mm, fillet {fillet:g} mm, {across:g} N along x at {-down:g} N"
+        yield CoverageCase(name, PadSensor(pad, force=(across, 0.0, -down)))
 
 
 def _touched() -> Iterator[CoverageCase]:

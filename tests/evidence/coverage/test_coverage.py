@@ -44,6 +44,12 @@ def test_every_registered_kind_is_in_the_table():
     assert bodies == set(IndenterShape.kinds()) - {"file"}
 
 
+def test_every_shape_that_can_be_rounded_has_a_fillet_in_the_table():
+    """Domes without an edge between roof and side have none."""
+    pads = [case.sensor.pad for case in coverage_cases.coverage_cases()]
+    assert {pad.cell for pad in pads if pad.fillet} == set(CellShape.kinds()) - {"hemispheric", "profile"}
+
+
 def test_pads_of_files_are_those_of_the_file(llvm_mono, tmp_path):
     case = next(case for case in coverage_cases.coverage_cases() if case.file_format == ".stl")
     (pad,) = deformed_pads(case._from_file(tmp_path).load())
