@@ -38,8 +38,6 @@ PATHS_AT_ONCE = 2**21
 """Largest number of paths traced at the same time, unless an image has more pixels."""
 MOST_SURFACES = 16
 """Largest number of clear surfaces through which the depth is measured."""
-MARGIN = 1.2
-"""Factor on the number of samples needed for a target error."""
 BRIGHTEST = 99.5
 """Percentile of the image that is white in the PNG."""
 
@@ -102,7 +100,7 @@ def camera_image(
     scene : Scene or mi.Scene
         Scene with one camera, lights of Mitsuba, an integrator of Mitsuba, and a pad without cells.
     samples : int, optional
-        Number of samples per pixel and replicate, by default `SAMPLES`.
+        Number of samples per pixel and replicate, rounded up to a power of four; by default `SAMPLES`.
     target_error : float, optional
         Instead of samples, the target for `CameraImage.relative_error`. The number of samples follows from a pilot
         image, which is not part of the result.
@@ -132,14 +130,13 @@ def camera_image(
     live = scene.load() if isinstance(scene, Scene) else scene
     camera, depth, coat = view_of(live)
     began = time.perf_counter()
-    count = samples or SAMPLES
+    count = _power_of_four(samples or SAMPLES)
     image = _replicates(live, camera, count, seed, 0, progress)
     if target_error is not None:
         pilot = CameraImage(*image, depth, coat, count, REPLICATES, seed, 0.0)
         error = pilot.relative_error
         if error > target_error:
-            needed = math.ceil(MARGIN * count * (error / target_error) ** 2)
-            count = min(needed, MOST_SAMPLES)
+            count = min(_power_of_four(math.ceil(count * (error / target_error) ** 2)), MOST_SAMPLES)
             image = _replicates(live, camera, count, seed, 1, progress)
     return CameraImage(*image, depth, coat, count, REPLICATES, seed, time.perf_counter() - began)
 
@@ -220,15 +217,15 @@ def _replicates(
     import mitsuba as mi
 
     width, height = map(int, camera.film().crop_size())
-    at_once = max(1, min(samples, PATHS_AT_ONCE // (width * height)))
-    parts = [at_once] * (samples // at_once) + ([samples % at_once] if samples % at_once else [])
-    seeds = np.random.SeedSequence([seed, run]).generate_state(REPLICATES * len(parts)).reshape(REPLICATES, -1)
+    # Parts of a power of four: `ldsampler` and `multijitter` would round other numbers.
+    at_once = min(samples, _power_of_four(1 + max(1, PATHS_AT_ONCE // (width * height))) // 4)
+    parts = samples // at_once
+    seeds = np.random.SeedSequence([seed, run]).generate_state(REPLICATES * parts).reshape(REPLICATES, parts)
     images = []
     for done, own_seeds in enumerate(seeds.tolist(), start=1):
         image = np.zeros(1)
-        for number, own_seed in zip(parts, own_seeds, strict=True):
-            rendered = np.array(mi.render(scene, sensor=camera, spp=number, seed=own_seed), dtype=float)
-            image = image + number / samples * rendered
+        for own_seed in own_seeds:
+            image = image + np.array(mi.render(scene, sensor=camera, spp=at_once, seed=own_seed), dtype=float) / parts
         images.append(image)
         if progress is not None:
             progress(done, REPLICATES)
@@ -236,6 +233,11 @@ def _replicates(
     if not np.isfinite(stack).all():
         raise InputError("the image is not finite: sizes or powers in the scene differ too much.")
     return stack.mean(axis=0), stack.std(axis=0, ddof=1) / math.sqrt(REPLICATES)
+
+
+def _power_of_four(count: int) -> int:
+    """The least power of four that is not less."""
+    return 4 ** (((count - 1).bit_length() + 1) // 2)
 
 
 def _depth(scene: mi.Scene, camera: mi.Sensor) -> tuple[np.ndarray, np.ndarray]:

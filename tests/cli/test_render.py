@@ -52,6 +52,17 @@ def test_a_plate_imports_nothing_of_the_mechanics(modules):
     assert not {name for name in imported if name.startswith(("mitsuba_taxel.mechanics", "mitsuba_taxel.report"))}
 
 
+def test_the_image_of_a_camera_imports_no_studies_and_no_mesher(modules, tmp_path):
+    size = ("-D", "width=16", "-D", "height=12", "-D", "uz=0")
+    answer, imported = modules("render", "gel.xml", "--points", 3, *size, "--json")
+    assert answer["size"] == [16, 12] and answer["samples"] == 4 and 0.8 < answer["coat_share"] <= 1
+    assert (tmp_path / "gel.exr").is_file() and (tmp_path / "gel.png").is_file()
+    assert HEAVY & imported == {"OpenEXR", "scipy"}
+    with pytest.raises(subprocess.CalledProcessError) as refused:
+        modules("render", "gel.xml", *size, "--audit")
+    assert "--audit is not allowed for the image of a camera" in refused.value.stderr
+
+
 def test_a_pad_imports_what_its_load_needs(modules):
     """Unloaded it is meshed and not solved; once it is kept, it is not even meshed."""
     first, imported = modules("render", "pad.xml", "--points", 64, "--explain", "--json")
