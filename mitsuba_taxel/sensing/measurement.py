@@ -50,6 +50,7 @@ from mitsuba_taxel.sensing.reading.runs import (
     described,
     prepare,
 )
+from mitsuba_taxel.sensing.reading.stretch_notes import exceeded_limits
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, is_touched, loaded_pads
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
@@ -216,7 +217,8 @@ def measured(
     # Results of the pads, and derivatives.
     with stages.record() as taken, stages.stage("mechanics"):
         states = [pad.state for pad in deformed_pads(prepared.ready.scene)]
-        result = replace(result, pads=pad_results(states, mechanics_error))
+        limits = exceeded_limits(prepared.ready.scene)
+        result = replace(result, pads=pad_results(states, mechanics_error), exceeded_limits=limits)
     _add_seconds(result, taken)
     if changes:
         result = replace(result, derivatives=_derivatives(scene, changes, prepared, result, points is not None))

@@ -85,7 +85,7 @@ def _unknown(reactions: Reactions) -> float:
     return math.nan if reactions.applied_force.any() else 0.0
 
 
-REACTION_RESULTS = [
+REACTION_RESULTS: list[ReactionResult] = [
     *(
         ReactionResult(
             f"reaction_f{axis}",

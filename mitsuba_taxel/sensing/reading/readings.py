@@ -15,6 +15,7 @@ from mitsuba_taxel.base.files.text_table import text_table
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.base.units import in_percent
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives, derivatives_text
+from mitsuba_taxel.sensing.reading.stretch_notes import stretch_notes
 from mitsuba_taxel.sensing.reading.wording import budget_line, stage_line
 
 if TYPE_CHECKING:
@@ -154,6 +155,8 @@ class Readings(Displayed):
         Results of deformed pads (`PAD_RESULTS`) and their errors, by name; empty without a pad.
     remarks : list of str
         Further notes for the reader.
+    exceeded_limits : dict[str, float]
+        Largest stretch of the silicone for each limit of what is known of it, in words, that it exceeds.
     """
 
     replicates: np.ndarray
@@ -172,6 +175,7 @@ class Readings(Displayed):
     roof_errors: list[RoofError | None] = field(default_factory=list)
     pads: dict[str, Estimate] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    exceeded_limits: dict[str, float] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return readings_text(self)
@@ -179,7 +183,7 @@ class Readings(Displayed):
     @property
     def notes(self) -> list[str]:
         """Notes for the reader of the numbers."""
-        return [*self.remarks, *describe_mechanics(self.roof_errors)]
+        return [*self.remarks, *stretch_notes(self.exceeded_limits), *describe_mechanics(self.roof_errors)]
 
     @property
     def taxel(self) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.sensing.reading.pad_results import PAD_RESULTS, REACTION_RESULTS
+from mitsuba_taxel.sensing.reading.pad_results import PAD_RESULTS, REACTION_RESULTS, PadResult, ReactionResult
 from mitsuba_taxel.sensing.reading.readings import Readings
 
 TAXEL, PARAMETER = "taxel", "parameter"
@@ -76,6 +76,8 @@ def _contact_rates(readings: Readings) -> Any:
     return None if readings.contact is None or not len(readings.contact.rates) else readings.contact.rates
 
 
+_ALL_OF_PADS: tuple[PadResult | ReactionResult, ...] = (*PAD_RESULTS, *REACTION_RESULTS)
+
 RESULTS: tuple[Result, ...] = (
     Result("power", "W", "optical power", (TAXEL,), lambda readings: readings.power),
     Result("standard_error", "W", "1 sigma of power (light)", (TAXEL,), lambda readings: readings.standard_error),
@@ -124,7 +126,7 @@ RESULTS: tuple[Result, ...] = (
     ),
     *(
         entry
-        for result in (*PAD_RESULTS, *REACTION_RESULTS)
+        for result in _ALL_OF_PADS
         for entry in (
             Result(result.name, result.unit, result.meaning, (), _of_pads(result.name, "value")),
             Result(

@@ -19,7 +19,6 @@ from mitsuba_taxel.kernels.protocols import has_faces, is_led
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.sensing.reading.finish_notes import finish_notes
 from mitsuba_taxel.sensing.reading.readings import Readings
-from mitsuba_taxel.sensing.reading.stretch_notes import stretch_notes
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import contact_notes, deformed_pads, loaded_pads
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
@@ -103,7 +102,6 @@ def prepare(scene: AnyScene) -> Prepared:
             )
     notes += finish_notes(live)
     notes += contact_notes(live)
-    notes += stretch_notes(live)
     if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
         notes.append("dies lie below windows: light is computed by random paths")  # also where all walls are diffuse
     notes += dark_backs(live).values()

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +12,9 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 if TYPE_CHECKING:
     import mitsuba as mi
 
-_STRETCHED = re.compile(r"the silicone is stretched to (?P<stretch>\d+\.\d+) (?P<rest>.*)")
 
-
-def stretch_notes(scene: mi.Scene) -> list[str]:
-    """Notes on pads whose largest strain exceeds what is known of their material.
+def exceeded_limits(scene: mi.Scene) -> dict[str, float]:
+    """Limits of the silicone of pads that their largest stretch exceeds.
 
     Parameters
     ----------
@@ -26,47 +23,60 @@ def stretch_notes(scene: mi.Scene) -> list[str]:
 
     Returns
     -------
-    list[str]
-        A sentence for each limit that is exceeded.
+    dict[str, float]
+        Largest stretch for each limit, in words, that it exceeds.
     """
     loaded = [pad for pad in deformed_pads(scene) if pad.state.displacement.any()]
     if not loaded:  # and nothing of the mechanics is imported
-        return []
+        return {}
     from mitsuba_taxel.mechanics.materials.drucker import stable_stretch
     from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
-    notes = []
+    exceeded = []
     for pad in loaded:
         tested, stable = pad.specification.tested_stretch or np.inf, stable_stretch(pad.material)
         if not np.isfinite(min(tested, stable)):
             continue
         stretch = 1 + largest_strain(pad.state).value
-        reached = f"the silicone is stretched to {stretch:.2f} in its most strained 1%"
         if stretch > tested:
-            notes.append(f"{reached}, its tests reach {tested:.3g}: beyond that, its law is an extrapolation")
+            exceeded.append({f"its tests reach {tested:.3g}: beyond that, its law is an extrapolation": stretch})
         if stretch > stable:
-            notes.append(f"{reached}, its law is stable up to {stable:.3g}: beyond that, its stress may fall")
-    return notes
+            exceeded.append({f"its law is stable up to {stable:.3g}: beyond that, its stress may fall": stretch})
+    return largest_stretches(exceeded)
 
 
-def worst_stretches(notes: Iterable[str]) -> list[str]:
-    """Distinct notes of many readings, with the largest stretch alone.
+def largest_stretches(readings: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """The largest stretch for each limit, of many pads or readings.
 
     Parameters
     ----------
-    notes : iterable of str
-        Notes of all readings.
+    readings : iterable of Mapping[str, float]
+        Results of `exceeded_limits`.
+
+    Returns
+    -------
+    dict[str, float]
+        In their order.
+    """
+    largest: dict[str, float] = {}
+    for limits in readings:
+        for limit, stretch in limits.items():
+            largest[limit] = max(stretch, largest.get(limit, stretch))
+    return largest
+
+
+def stretch_notes(limits: Mapping[str, float]) -> list[str]:
+    """A sentence for each limit that is exceeded.
+
+    Parameters
+    ----------
+    limits : Mapping[str, float]
+        Result of `exceeded_limits` or `largest_stretches`.
 
     Returns
     -------
     list[str]
         Notes in their original order.
     """
-    worst: dict[str, str] = {}
-    for note in notes:
-        match = _STRETCHED.fullmatch(note)
-        key = match["rest"] if match else note
-        known = _STRETCHED.fullmatch(worst.get(key, ""))
-        if not (match and known and float(known["stretch"]) >= float(match["stretch"])):
-            worst[key] = note
-    return list(worst.values())
+    reached = "the silicone is stretched to {:.2f} in its most strained 1%, {}"
+    return [reached.format(stretch, limit) for limit, stretch in limits.items()]

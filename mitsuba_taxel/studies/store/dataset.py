@@ -24,7 +24,7 @@ from mitsuba_taxel.sensing.reading.readings import (
     shares,
 )
 from mitsuba_taxel.sensing.reading.results import RESULTS
-from mitsuba_taxel.sensing.reading.stretch_notes import worst_stretches
+from mitsuba_taxel.sensing.reading.stretch_notes import largest_stretches, stretch_notes
 from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, describe
 from mitsuba_taxel.studies.plan.vary import STEP, Axis, combinations, curve_dimension
 from mitsuba_taxel.studies.store.curve_slopes import fitted_forces, with_curve_slopes
@@ -186,7 +186,8 @@ def _notes(results: Mapping[Index, StoredResult]) -> list[str]:
     if few and min(points):  # 0 is light without random numbers, beside which scenes with mirrors have their own points
         remarks.append(f"{few} of {len(results)} scenes have fewer points: the same command computes the rest")
     computed = not errors or any(result.readings.deviation is not None for result in results.values())
-    return [*merged_finishes(worst_stretches(remarks)), *(describe_mechanics(errors) if computed else [NOT_COMPUTED])]
+    remarks += stretch_notes(largest_stretches(result.readings.exceeded_limits for result in results.values()))
+    return [*merged_finishes(dict.fromkeys(remarks)), *(describe_mechanics(errors) if computed else [NOT_COMPUTED])]
 
 
 def _failures(axes: Sequence[Axis], failures: Mapping[Index, Failure], roles: Mapping[str, Sequence[Any]]) -> list[str]:

@@ -326,6 +326,7 @@ def _arrays(kept: StoredResult) -> dict[str, np.ndarray]:
         "parameters": readings.parameters,
         "mesh_size": readings.mesh_size,
         "remarks": readings.remarks,
+        "exceeded_limits": readings.exceeded_limits,
         "pads": readings.pads,
         "roof_errors": [None if error is None else asdict(error) for error in readings.roof_errors],
         "seconds": kept.seconds,
@@ -382,6 +383,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> StoredResult:
     for name in set(_OPTIONAL) & arrays.keys():
         _require(arrays[name].shape == replicates.shape[1:] and arrays[name].dtype == float)
     _require(all(isinstance(word, str) for word in (*words["remarks"], *files)) and _is_seconds(seconds))
+    _require(all(isinstance(stretch, float) for stretch in words.get("exceeded_limits", {}).values()))
     readings = Readings(
         replicates,
         seconds=seconds,

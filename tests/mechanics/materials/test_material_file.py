@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.laws import Ogden, Yeoh
 from mitsuba_taxel.mechanics.materials.material_file import read_material
-from mitsuba_taxel.sensing.reading.stretch_notes import worst_stretches
+from mitsuba_taxel.sensing.reading.stretch_notes import largest_stretches, stretch_notes
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
@@ -114,12 +113,12 @@ SCENE = """<scene version="3.9.0">
 
 def test_a_reading_says_where_a_pad_is_stretched_beyond_the_tests(write, llvm_mono):
     """The file lies beside the scene, not where the program runs."""
-    from mitsuba_taxel.sensing.reading.runs import prepare
+    from mitsuba_taxel.sensing import measure
 
     notes = {}
     for largest in (1.01, 3.0):
         write(OGDEN.replace("1.4", str(largest)).replace('prony = "0.2 1; 0.1 10"', ""))
-        words = prepare(write(SCENE.format(material="my.toml"), "scene.xml")).notes
+        words = measure(write(SCENE.format(material="my.toml"), "scene.xml"), points=16, mechanics_error=False).notes
         notes[largest] = [note for note in words if "stretched" in note]
     assert not notes[3.0]
     (note,) = notes[1.01]
@@ -128,9 +127,10 @@ def test_a_reading_says_where_a_pad_is_stretched_beyond_the_tests(write, llvm_mo
 
 
 def test_of_many_readings_the_worst_stretch_is_noted():
-    def note(stretch, rest="its tests reach 1.5"):
-        return f"the silicone is stretched to {stretch:.2f} in its most strained 1%, {rest}"
-
-    notes = ["a", note(1.6), note(1.8), "a", note(1.7), note(2.0, "its law is stable up to 1.9")]
-    assert worst_stretches(notes) == ["a", note(1.8), note(2.0, "its law is stable up to 1.9")]
-    assert np.all([isinstance(line, str) for line in worst_stretches([])])
+    tests, law = "its tests reach 1.5", "its law is stable up to 1.9"
+    largest = largest_stretches([{}, {tests: 1.6}, {tests: 1.8}, {tests: 1.7, law: 2.0}])
+    assert largest == {tests: 1.8, law: 2.0}
+    assert stretch_notes(largest) == [
+        f"the silicone is stretched to {stretch:.2f} in its most strained 1%, {limit}"
+        for stretch, limit in ((1.8, tests), (2.0, law))
+    ]

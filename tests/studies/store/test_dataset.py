@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel.sensing.reading.runs import REPLICATES
 from mitsuba_taxel.studies.plan.vary import Axis
+from mitsuba_taxel.studies.store import folder
 from mitsuba_taxel.studies.store.dataset import assemble
 from mitsuba_taxel.studies.store.folder import StoredResult
 
@@ -45,3 +47,14 @@ def test_deviations_between_scenes_of_equal_or_unordered_parameters_are_known():
     assert names.deviation.values[:, 0] == pytest.approx(SHARE * np.arange(5.0))
     equal = study_of(Axis("step", {"fz": ["0", "-1", "-1", "-1"]}), np.array([0.0, 1.0, 1.0, 1.0]), known=(0, 1, 3))
     assert equal.deviation.values[:, 0] == pytest.approx(SHARE * np.array([0.0, 1.0, 1.0, 1.0]))
+
+
+def test_the_largest_stretch_of_all_scenes_is_noted_once():
+    limit = "its tests reach 1.5: beyond that, its law is an extrapolation"
+    results = {}
+    for place, limits in enumerate(({}, {limit: 1.6}, {limit: 1.8}, {limit: 1.7})):
+        read = Readings(np.ones((REPLICATES, 1)), 0, 0, exceeded_limits=limits)
+        results[place,] = folder._kept(folder._arrays(StoredResult(read, {}, [])))  # as it is read from its file
+    study = assemble((Axis("fz", {"fz": list("0123")}, is_force=True),), results, {}, ABOUT)
+    notes = [note for note in study.attrs["notes"].splitlines() if "stretched" in note]
+    assert notes == [f"the silicone is stretched to 1.80 in its most strained 1%, {limit}"]
