@@ -149,7 +149,8 @@ def _computed_forces(study: xr.Dataset, dims: list, finite: np.ndarray) -> dict[
 
     Components that change by less than `LEAST_SHARE` of the largest force, or by less than their error, are omitted.
     """
-    columns, errors = {}, {}
+    columns: dict[str, np.ndarray] = {}
+    errors: dict[str, np.ndarray] = {}
     for name in FORCES:
         for values_of, suffix in ((columns, ""), (errors, "_error")):
             if f"reaction_{name}{suffix}" in study:

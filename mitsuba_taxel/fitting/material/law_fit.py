@@ -146,6 +146,9 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
         slacks[tests.free] = free
         return slacks
 
+    def residuals(x: np.ndarray) -> np.ndarray:
+        return linear(x[:shapes], all_slacks(x[shapes:]))[1]
+
     # Moduli are found by linear least squares for each value of the other unknowns (variable projection).
     ranked = sorted(candidate.starts, key=lambda start: float(np.square(linear(start, tests.slacks)[1]).sum()))
     low = np.array([*[candidate.bounds[0]] * shapes, *[-0.2] * len(tests.free)])
@@ -154,7 +157,7 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
     if len(best):
         for start in ranked[:BEST_STARTS]:
             solution = least_squares(
-                lambda x: linear(x[:shapes], all_slacks(x[shapes:]))[1],
+                residuals,
                 np.array([*start, *tests.slacks[tests.free]]),
                 bounds=(low, high),
                 x_scale=np.array([*np.maximum(np.abs(start), 1.0), *[0.01] * len(tests.free)]),
