@@ -20,13 +20,13 @@ TOGETHER = {
     "cli": {"bad_input", "ends", "program"},
     "docs": {"docstrings", "pages"},
     "mechanics": {
-        "benchmarks_of_the_literature", "block", "blunt_heights", "closed_forms", "contact_with_packages", "energy",
+        "benchmarks_of_the_literature", "block", "closed_forms", "contact_with_packages", "energy",
         "shape_sensitivities", "touching_under_indenters",
     },
     "optimum": {"thin_roof"},
     "pads": {"file_meshing"},
     "plugins": {"led_on_rectangle"},
-    "sensing": {"finish", "finish_derivatives", "random_heights_error"},
+    "sensing": {"finish"},
 }  # fmt: skip
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""
 
