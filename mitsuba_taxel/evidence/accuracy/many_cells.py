@@ -49,7 +49,7 @@ class ManyCellsRow:
         Relative error of the worst reading due to the light and its triangles.
     megabytes : float
         Peak memory in MB.
-    verdict : str
+    end : str
         How the process ended.
     cells : int
         Number of cells.
@@ -64,11 +64,11 @@ class ManyCellsRow:
         "mechanics_error": ("error by elements", ".2%"),
         "light_error": ("by light", ".2%"),
         "megabytes": ("MB", ".0f"),
-        "verdict": ("end", ""),
+        "end": ("end", ""),
     }
     case: str
     cells: int
-    verdict: str = "converged"
+    end: str = "read"
     elements: float = math.nan
     mechanics: float = math.nan
     second_mesh: float = math.nan

@@ -8,6 +8,7 @@ import pytest
 
 from mitsuba_taxel.evidence.accuracy import many_cells
 from mitsuba_taxel.evidence.accuracy.many_cells import ManyCells, ManyCellsRow, growth, growth_line
+from mitsuba_taxel.evidence.rows.row import cells, headings
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.reading.readings import Readings
@@ -36,6 +37,7 @@ def test_a_row_is_of_its_pad(under_ball, llvm_mono, monkeypatch):
     assert row.elements > 1.2 * elements if under_ball else row.elements == elements
     assert row.mechanics_error == pytest.approx(reading.error_budget["mechanics"])
     assert row.light_error == pytest.approx(math.hypot(*(reading.error_budget[key] for key in ("light", "geometry"))))
+    assert cells(row)[0].startswith("1 x 1, ") and cells(row)[-1] == "read"
     assert 0 < row.mechanics_error < 0.01 and row.seconds > 0.5 and row.megabytes > 100
 
 
@@ -43,4 +45,5 @@ def test_what_does_not_fit_is_a_row(monkeypatch):
     monkeypatch.setattr(many_cells, "measure_isolated", lambda case, seconds: case.failed(f"after {seconds:g} s"))
     names = []
     (row,) = many_cells.many_cells([40], False, 7.0, names.append)
-    assert row.verdict == "after 7 s" and row.cells == 1600 and names == ["40 x 40, spread force"]
+    assert cells(row) == ["40 x 40, spread force", *["-"] * 7, "after 7 s"] and len(headings(ManyCellsRow)) == 9
+    assert row.cells == 1600 and names == ["40 x 40, spread force"]
