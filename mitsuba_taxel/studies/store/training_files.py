@@ -151,7 +151,10 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
     named = _features(first, columns)
 
     # Frames: rows in the order of their episode, with the default features.
-    tables, lengths, splits, start = [], [], {}, 0
+    tables: list[pd.DataFrame] = []
+    lengths: list[np.ndarray] = []
+    splits: dict[str, str] = {}
+    start = 0
     for name, part in parts.items():
         order = np.lexsort((part.path, part.copy))  # a stable sort keeps the order of the curve within an episode
         episode = np.unique(np.stack([part.copy, part.path])[:, order], axis=1, return_inverse=True)[1].ravel()
