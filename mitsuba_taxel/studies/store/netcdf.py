@@ -9,6 +9,17 @@ import xarray as xr
 from xarray.backends import ScipyDataStore
 
 
+def has_hdf5() -> bool:
+    """Whether HDF5 files can be read and written: h5netcdf needs h5py, which it does not install.
+
+    Returns
+    -------
+    bool
+        True if both packages are installed.
+    """
+    return all(find_spec(name) is not None for name in ("h5netcdf", "h5py"))
+
+
 def write_netcdf(study: xr.Dataset, file: Path) -> None:
     """Write a study to a NetCDF file as ``study.to_netcdf`` does: NetCDF 4 if h5netcdf is installed, else NetCDF 3.
 
@@ -27,7 +38,7 @@ def write_netcdf(study: xr.Dataset, file: Path) -> None:
     OSError
         if the file cannot be written.
     """
-    if find_spec("h5netcdf") is None:
+    if not has_hdf5():
         with ScipyDataStore(str(file), mode="w", lock=False) as store:
             study.dump_to_store(store)
         return
@@ -57,6 +68,6 @@ def read_netcdf(file: Path) -> xr.Dataset:
     """
     with open(file, "rb") as opened:
         is_hdf5 = opened.read(4) == b"\x89HDF"
-    if is_hdf5 and find_spec("h5netcdf") is None:
-        raise OSError(f"{file} is NetCDF 4, which needs h5netcdf: pip install h5netcdf")
+    if is_hdf5 and not has_hdf5():
+        raise OSError(f"{file} is NetCDF 4, which needs h5netcdf: pip install h5netcdf h5py")
     return xr.load_dataset(file, engine="h5netcdf" if is_hdf5 else "scipy")

@@ -16,6 +16,7 @@ import xarray as xr
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.base.units import FORCES
+from mitsuba_taxel.studies.store.netcdf import has_hdf5
 
 FRAMES_PER_SECOND = 10
 """Nominal rate of the frames of an episode, which LeRobot requires; loads of a study are static."""
@@ -58,8 +59,8 @@ class Column(NamedTuple):
 
 def check_hdf5() -> None:
     """Raise `InputError` if HDF5 files cannot be written here."""
-    if find_spec("h5netcdf") is None:
-        raise InputError("HDF5 needs h5netcdf: pip install h5netcdf.")
+    if not has_hdf5():
+        raise InputError("HDF5 needs h5netcdf: pip install h5netcdf h5py.")
 
 
 def write_hdf5(

@@ -62,7 +62,7 @@ def test_version_4_without_h5netcdf_says_what_to_install(study, tmp_path, monkey
     pytest.importorskip("h5netcdf")
     write_netcdf(study, tmp_path / "ours.nc")
     monkeypatch.setattr(netcdf, "find_spec", lambda name: None)
-    with pytest.raises(OSError, match="is NetCDF 4, which needs h5netcdf: pip install h5netcdf"):
+    with pytest.raises(OSError, match="is NetCDF 4, which needs h5netcdf: pip install h5netcdf h5py"):
         read_netcdf(tmp_path / "ours.nc")
 
 
@@ -84,3 +84,10 @@ def test_dasks_scheduler_is_not_imported(tmp_path):
         "assert 'distributed' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+
+
+def test_h5netcdf_without_h5py_writes_version_3(study, tmp_path, monkeypatch):
+    """h5netcdf does not install h5py, without which it can neither read nor write."""
+    monkeypatch.setattr(netcdf, "find_spec", lambda name: None if name == "h5py" else object())
+    netcdf.write_netcdf(study, tmp_path / "a.nc")
+    assert (tmp_path / "a.nc").read_bytes().startswith(b"CDF")

@@ -135,7 +135,7 @@ def test_lerobot_reads_it(tmp_path, monkeypatch):
 
 
 def test_what_is_missing_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr("mitsuba_taxel.studies.store.training_files.find_spec", lambda name: None)
-    with pytest.raises(InputError, match="HDF5 needs h5netcdf: pip install h5netcdf"):
+    monkeypatch.setattr("mitsuba_taxel.studies.store.netcdf.find_spec", lambda name: None)
+    with pytest.raises(InputError, match="HDF5 needs h5netcdf: pip install h5netcdf h5py"):
         training_set(study(), tmp_path / "set", hdf5=True)
     assert not (tmp_path / "set").exists()
