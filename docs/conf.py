@@ -27,6 +27,7 @@ nitpick_ignore_regex = [
     ("py:func", r"(mitsuba_taxel\.pads\.imported\.regions\.)?(tagged|prepare)"),
     ("py:data", r"mitsuba_taxel\.mechanics\.continuation\.load_segment\.\w+|TET_EDGES|FACE_EDGES|ENDS"),
     ("py:meth", r"Location\.interpolate|PointLocator\.locate"),
+    ("py:class", r"LawFit|StressCurve|CurveNoise|RelaxationFit"),
     ("py:class", r"Relief|Load|RigidBodies|ndarray|(pandas\.)?DataFrame|Unseen"),
     ("py:class", r"\d+|(\d )?[A-Z]|corners|width|height|inputs|terms|taxels|forces|quantities"),  # shapes of arrays
     ("py:class", r"(mitsuba_taxel\.mechanics\.continuation\.state\.)?(Comparison|PathRate)|FirstContact|Estimate"),

@@ -29,7 +29,7 @@ def write_material(fit: MaterialFit, file: str | Path, title: str = "") -> None:
     ------
     InputError
         if the law is refused.
-    WriteError
+    ComputationError
         if the file cannot be written.
     """
     best, path = fit.best, Path(file)
