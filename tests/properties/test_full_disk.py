@@ -20,6 +20,7 @@ from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.mechanics import NeoHookean
 from mitsuba_taxel.pads import mesh_pad
 from mitsuba_taxel.pads.parametric.drawings import write_drawings
+from mitsuba_taxel.studies.store.netcdf import hdf5_image, write_netcdf
 
 
 def written_map(file: Path) -> None:
@@ -61,7 +62,13 @@ def written_readings(file: Path) -> None:
     values = {"power": (("z", "taxel"), np.ones((2, 1))), "standard_error": (("z", "taxel"), np.ones((2, 1)))}
     study = xr.Dataset(values, {"z": [1.0, 2.0], "taxel": [1]})
     with replacing(file) as temporary:
-        study.to_netcdf(temporary)
+        write_netcdf(study, temporary)
+
+
+def written_training_set(file: Path) -> None:
+    with replacing(file) as temporary:
+        groups = {"/": xr.Dataset(attrs={"scene": "a"}), "train": xr.Dataset({"fz": ("row", [1.0])})}
+        temporary.write_bytes(hdf5_image(groups))
 
 
 WRITERS: dict[str, Callable[[Path], None]] = {
@@ -73,6 +80,7 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "pad.step": lambda file: write_drawings(Pad(rows=1, columns=1), file.parent),
     "figure.svg": written_figure,
     "readings.nc": written_readings,
+    "dataset.h5": written_training_set,
     "scene.xml": lambda file: Scene("plate.xml").write_xml(file),
     "page.md": lambda file: write_text(file, "text"),
 }

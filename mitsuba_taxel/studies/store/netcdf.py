@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -38,14 +39,39 @@ def write_netcdf(study: xr.Dataset, file: Path) -> None:
     OSError
         if the file cannot be written.
     """
-    if not has_hdf5():
-        with ScipyDataStore(str(file), mode="w", lock=False) as store:
-            study.dump_to_store(store)
+    if has_hdf5():
+        file.write_bytes(hdf5_image({"/": study}))
         return
+    with ScipyDataStore(str(file), mode="w", lock=False) as store:
+        study.dump_to_store(store)
+
+
+def hdf5_image(groups: Mapping[str, xr.Dataset]) -> bytes:
+    """An HDF5 file in memory, which NetCDF 4 tools can read.
+
+    HDF5 itself must not write to the disk: if the disk is full, the library ends the process by a segmentation fault.
+
+    Parameters
+    ----------
+    groups : mapping of str to xr.Dataset
+        Datasets by group; ``/`` is the root.
+
+    Returns
+    -------
+    bytes
+        Contents of the file.
+    """
+    import h5netcdf
+    import h5py
     from xarray.backends import H5NetCDFStore
 
-    with H5NetCDFStore.open(str(file), mode="w", lock=False) as store:
-        study.dump_to_store(store)
+    with h5py.File("memory", "w", driver="core", backing_store=False, track_order=True) as file:
+        with h5netcdf.File(file, "w") as netcdf:
+            for name, dataset in groups.items():
+                group = netcdf if name == "/" else netcdf.create_group(name)
+                dataset.dump_to_store(H5NetCDFStore(group, mode="a", lock=False))
+        file.flush()
+        return file.id.get_file_image()
 
 
 def read_netcdf(file: Path) -> xr.Dataset:

@@ -16,7 +16,7 @@ import xarray as xr
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.base.units import FORCES
-from mitsuba_taxel.studies.store.netcdf import has_hdf5
+from mitsuba_taxel.studies.store.netcdf import has_hdf5, hdf5_image
 
 FRAMES_PER_SECOND = 10
 """Nominal rate of the frames of an episode, which LeRobot requires; loads of a study are static."""
@@ -95,9 +95,9 @@ def write_hdf5(
     """
     check_hdf5()
     groups = {name: _group(part, columns, taxels) for name, part in parts.items()}
-    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs=dict(about)), **groups})
+    image = hdf5_image({"/": xr.Dataset(attrs=dict(about)), **groups})
     with replacing(file) as temporary:
-        tree.to_netcdf(temporary, engine="h5netcdf")
+        temporary.write_bytes(image)
 
 
 def _group(part: TrainingPart, columns: Mapping[str, Column], taxels: np.ndarray) -> xr.Dataset:
