@@ -42,8 +42,8 @@ class ModelError(NamedTuple):
 
 
 class UnknownErrors(NamedTuple):
-    """Standard deviations of the unknowns, each (unknowns,), due to the light, the finite elements and the surfaces of
-    the model; NaN if unknown."""
+    """Standard deviations (parameters,) of the fitted parameters, due to the light, the finite elements and the
+    surfaces of the model; NaN where they are not known."""
 
     light: np.ndarray
     mechanics: np.ndarray

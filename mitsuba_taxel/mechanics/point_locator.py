@@ -231,8 +231,8 @@ class _Boxes:
         self._levels = self._tree.levels(self.low, self.high)
 
     def overlapping(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers (K,), (K,) of overlapping pairs: of a box with corners ``low`` and ``high`` (P, 3), and of one of
-        these boxes."""
+        """Indices (K,), (K,) of pairs of boxes that overlap: of a box with the corners ``low`` and ``high`` (P, 3),
+        and of a box of this object."""
         tree = BoxTree(low + high)
         return tree.overlapping_with(tree.levels(low, high), self._tree, self._levels)
 

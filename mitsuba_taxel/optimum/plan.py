@@ -227,8 +227,8 @@ class Plan:
         return refusal_of(self.scene(design))
 
     def mesh_of(self, design: Design) -> str:
-        """Value of `MESHED_AS`: parameters of the design whose mesh is moved to this design, or `NONE` without such a
-        design."""
+        """Parameters of the design whose mesh is deformed to fit this design, as text; `NONE` if this design is meshed
+        itself. It is the value of the scene's parameter `MESHED_AS`."""
         if design.origin is None:
             return NONE
         origin = self.parameters(replace(design, x=design.origin))

@@ -231,7 +231,10 @@ def _replicates(
             progress(done, REPLICATES)
     stack = np.stack(images)[..., : 3 if images[0].shape[-1] > 3 else None]
     if not np.isfinite(stack).all():
-        raise InputError("the image is not finite: sizes or powers in the scene differ too much.")
+        raise InputError(
+            "the image is not finite: sizes or powers in the scene differ by too many orders of magnitude; check their "
+            "units (mm, W)."
+        )
     return stack.mean(axis=0), stack.std(axis=0, ddof=1) / math.sqrt(REPLICATES)
 
 

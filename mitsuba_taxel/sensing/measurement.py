@@ -238,7 +238,10 @@ def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanic
     ready, errors = prepared.ready, prepared.errors
     powers = run.powers if errors.power is None else np.tile(errors.power, (REPLICATES, 1))
     if not np.all(np.isfinite(powers)):
-        raise ComputationError("readings are not finite: sizes or powers in the scene differ too much.")
+        raise ComputationError(
+            "readings are not finite: sizes or powers in the scene differ by too many orders of magnitude; check their "
+            "units (mm, W)."
+        )
     replicates, taxels = powers.shape
     # Light that paths may have missed on dark taxels.
     dark_error = None

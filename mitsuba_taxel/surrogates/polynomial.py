@@ -97,7 +97,10 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
     scaled = 2 * (inputs - low) / (high - low) - 1
     max_degrees = [min(len(np.unique(column)) - 1, MOST_DEGREE) for column in scaled.T]
     if max(max_degrees) < 2:
-        raise InputError("a polynomial needs at least three values of a varied parameter: the study has two.")
+        raise InputError(
+            "a polynomial needs at least three values of each varied parameter, and the study has two of one: extend "
+            "the study."
+        )
     # Cross-validate each total degree that has fewer terms than rows.
     groups, tested = _test_groups(scaled, path)
     scale = np.ptp(readings, axis=0)

@@ -33,7 +33,7 @@ class Factors:
     constants: dict[str, float]
 
     def parameters(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Parameters of the scene from values of the laws, numbers or arrays."""
+        """Parameters of the scene, by name, from numbers or arrays drawn from the tolerances' distributions."""
         return {
             name: math.prod((values[law] for law in laws), start=self.constants.get(name, 1.0))
             for name, laws in self.products.items()

@@ -151,7 +151,10 @@ class Cell:
 
     @property
     def emitted(self) -> np.ndarray:
-        """Fractions (T,) of the LED's power for each target, such that sums over targets are integrals."""
+        """Fraction (T,) of the LED's power that reaches each target, a quadrature point of a wall, directly.
+
+        A target has the power on its part of the wall: sums over targets approximate integrals over walls.
+        """
         return self._of_all(self._emission.power)
 
     @property

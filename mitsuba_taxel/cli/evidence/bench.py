@@ -206,8 +206,10 @@ def slopes_command(markdown: Path | None) -> None:
 @markdown_option
 @debug_option
 def rough_command(markdown: Path | None) -> None:
-    """Slopes of cells with a finish or rough mirrors, with their errors due to light, curve and elements, and the
-    time."""
+    """Print slopes of readings of cells with a finish or rough mirrors.
+
+    Errors are stated by cause: light, interpolation between forces, and finite elements. CPU times are printed, too.
+    """
     from mitsuba_taxel.evidence.domes.rough_slopes import RoughRow, rough_slopes, write_page
     from mitsuba_taxel.evidence.rows.row import cells, headings
 
@@ -222,9 +224,10 @@ def rough_command(markdown: Path | None) -> None:
 @markdown_option
 @debug_option
 def estimators_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare connections over mirrors, and differences by paths through material points, with plain random paths.
+    """Compare two estimators of random paths with plain random paths.
 
-    Scenes are drawn at random; each is read in a separate process.
+    One connects LED and phototransistor over mirrors. The other takes differences between two loads along paths
+    through the same points of the silicone. Scenes are drawn at random; each is read in a separate process.
     """
     from mitsuba_taxel.evidence.coverage.estimators import EstimatorRow, estimators, summary
     from mitsuba_taxel.evidence.rows.row import cells, headings

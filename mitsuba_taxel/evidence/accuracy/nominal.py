@@ -33,9 +33,9 @@ For users who ask how long a study takes and how exact it is.
 Written by `{command}`; do not edit by hand.
 
 This page reads the nine taxels of `pad.xml` with cells of each shape, under normal force up to -20 N, and under
-tangential force along x at -8 N up to the force at which the paper's solver stopped. Target errors are {error:g} of a
-reading, and {slope:g} of the steepest slope. Each shape is measured in a separate process with an empty cache of
-solutions.
+tangential force along x, at a normal force of -8 N, up to where the paper's solver stopped. Target errors are
+{error:g} of a reading, and {slope:g} of the steepest slope. Each shape is measured in a separate process with an
+empty cache of solutions.
 
 {table}
 

@@ -278,10 +278,9 @@ following row adds one piece of work that the scene does not need; the last row 
 - **Z**: largest change of a reading from the first row, in standard errors of the light. The random numbers are the
   same unless all pairs are traced: only there, a change of one or two is expected.
 
-Some work is always omitted, and thus has no row: paths end at absorbing walls. Under a plate or an unloaded flat roof,
-all reflecting surfaces lie in one plane, and no path is reflected twice: `max_depth` = 1 gives bitwise the same
-readings. Of three channels, `taxel_tracer` traces the first alone, in any variant: Dr.Jit eliminates the work of the
-others.
+Some work is omitted in every scene, so that no row can show what it would cost. Paths end at absorbing walls. Under a
+plate or an unloaded flat roof, all reflecting surfaces lie in one plane, and no path is reflected twice: `max_depth`
+= 1 gives bitwise the same readings. In colour variants, `taxel_tracer` traces the first of the three channels only.
 """
 
 

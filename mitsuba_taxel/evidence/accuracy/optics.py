@@ -75,7 +75,7 @@ class _Trial:
 def optics_curves(
     scene: Scene, seconds: float, starting: Callable[[str], None]
 ) -> tuple[list[ErrorCurve], TruthEstimate]:
-    """A curve for each method, and the reference for `taxel_tracer`.
+    """Error of the reading against CPU time for each method, and the reference for `taxel_tracer`.
 
     Parameters
     ----------

@@ -65,8 +65,8 @@ POINTS, RAYS = 1 << 13, 1 << 19
 MORE_POINTS = {("spherical", "rough mirror"): 16}
 """Factor of the number of points, where few paths carry the light."""
 
-PAD_HEADINGS = ("pad", "load [N]", "truth [W/W]", "deviation", "its noise", "stated", f"deviation, {LARGER:g} mm")
-HEADINGS = ("cell", "roof", "cells", "N per cell", "truth [W/W]", "deviation", "its noise", "stated for the shape")
+PAD_HEADINGS = ("pad", "load [N]", "reference [W/W]", "deviation", "its noise", "stated", f"deviation, {LARGER:g} mm")
+HEADINGS = ("cell", "roof", "cells", "N per cell", "reference [W/W]", "deviation", "its noise", "stated for the shape")
 
 _PAGE = """\
 # Domes
@@ -82,14 +82,13 @@ diffuse walls, or ray tracing on the exact roof for mirrors. Neither uses finite
 hemisphere. A shape whose roof is neither spherical nor flat has no such reference: it is compared with a simulation on
 smaller elements. Loaded cells are compared with elements of {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (1 x 1 under
 tangential forces) or {fine[3]:g} mm (3 x 3); the default is 0.625 to 0.75 mm for domes and for flat roofs with
-mirrors. For 3 x 3 cells under
-tangential forces, both simulations test stability on elements of {judge:g} mm.
+mirrors. For 3 x 3 cells under tangential forces, stability is tested on elements of {judge:g} mm in both simulations.
 
 **{summary}**
 
 {table}
 
-- **deviation**: relative deviation of the mean of all taxels from the truth. **its noise**: standard error of the
+- **deviation**: relative deviation of the mean of all taxels from the reference. **its noise**: standard error of the
   deviation.
 - **stated for the shape**: stated relative error of the geometry and, under load, the mechanics.
 - **rough mirror**: root-mean-square slope of 2 degrees.

@@ -238,8 +238,8 @@ def _first_inverted(case: ExtremeCase, path: PadPath, segment: LoadSegment) -> s
 def cutbacks(segment: LoadSegment) -> int:
     """Number of halved or abandoned steps of a load segment.
 
-    It follows from the lengths of the accepted steps relative to the longest that may begin at their nodes. Steps that
-    the segment halves in advance count as well.
+    Each accepted step is compared with the longest step that is allowed at its start. Steps that are shorter because
+    the segment plans them so count as well.
     """
     nodes = segment.nodes[:-1] if segment.mode.size else segment.nodes  # the last is where the pad buckles
     positions = [round(node.s / segment.tick) for node in nodes]

@@ -100,8 +100,11 @@ def lateness(computed: PressedTaxel, measured: PressedTaxel) -> float:
 
 
 def modulus(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> float:
-    """Modulus in MPa from a least-squares fit of the forces to those of a path with 1 MPa, up to the end of that
-    path."""
+    """Young's modulus in MPa from a least-squares fit of the measured forces.
+
+    Forces are proportional to the modulus: those of a path with 1 MPa are scaled, up to the end of that path. The
+    measured travel starts ``late`` mm after contact.
+    """
     force = computed.at(measured.travel + late).force
     borne = np.isfinite(force)
     return float(force[borne] @ measured.force[borne] / (force[borne] @ force[borne]))

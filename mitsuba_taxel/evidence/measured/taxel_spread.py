@@ -25,9 +25,9 @@ class TaxelBand(NamedTuple):
     spread : float
         Standard deviation of the logarithms of these.
     moved : (5, 5) ndarray
-        The computed map, in points.
+        The computed map: changes of all taxels, in percent of the change of the pressed taxel.
     deviation : (5, 5) ndarray
-        One standard deviation of the map, in points; 0 for the middle.
+        One standard deviation of the map, in percentage points; 0 for the middle.
     """
 
     own: dict[int, float]

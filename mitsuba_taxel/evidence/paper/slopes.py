@@ -92,7 +92,9 @@ def curves(study: xr.Dataset, force: str) -> ForceCurves:
     order = np.argsort(run.force)
     if run.tangents is None:
         why = next(iter(study.attrs["notes"].splitlines()), "none were computed.")
-        raise ComputationError(f"a study along {force} lacks derivatives: {why} Remove its file, and compute it again.")
+        raise ComputationError(
+            f"a study along {force} lacks derivatives: {why} Remove the file of this study, and compute it again."
+        )
     x, (value, slope, error) = run.force[order], run.tangents.part(order)
     return ForceCurves(CubicHermiteSpline(x, value, slope), x, error)
 

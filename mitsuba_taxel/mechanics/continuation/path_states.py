@@ -30,7 +30,10 @@ from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class PathStates(PathProblem):
-    """Canonical states of one problem: states under loads that lie on the kept side of all mirrors of the pad.
+    """States of one problem, solved for representative loads only.
+
+    Loads that the pad's planes of symmetry map onto each other have mirrored states. Of these, the load on the kept
+    side of all planes is solved; it is called canonical.
 
     Parameters
     ----------

@@ -75,14 +75,14 @@ class ViscoelasticMemory:
     time : float
         In s, since the pad was at rest.
     stress : Callable
-        Computes the overstress.
+        Function without arguments that computes the overstress.
     overstress : ndarray
-        Second Piola-Kirchhoff stress (m, q, 6) in MPa, in addition to the stress of the law, at the quadrature points:
+        Second Piola-Kirchhoff stress (elements, quadrature points, 6) in MPa, in addition to the stress of the law:
         xx, yy, zz, xy, yz, xz.
     deviation : (N, 3) ndarray
         Estimated error of the displacement due to time steps, mm.
     error : float
-        Relative error of the stress, root mean square over the pad.
+        Relative error of the overstress, root mean square over the pad.
     """
 
     time: float

@@ -205,7 +205,9 @@ def _meshed(surface_part: SurfacePart, edges: SingularEdges, mesh_size: float, r
     filled = run_isolated("fill", {"vertices": points, "triangles": triangles, "mesh_size": size})
     points, tets, faces = second_order(*positive(filled["points"], filled["tets"]))
     if not np.array_equal(_sorted(faces[:, :3])[0], _sorted(triangles)[0]):
-        raise ComputationError("the mesh does not end at the surface of the pad.")
+        raise ComputationError(
+            "the mesh does not end at the surface of the pad: try a smaller mesh_size, or repair the surface."
+        )
     patch_of_face = np.empty_like(patch)
     patch_of_face[_sorted(faces[:, :3])[1]] = patch[_sorted(triangles)[1]]
     points = surface_part.exact(snapped(points, tets, faces, patch_of_face, patches, mesh_size))

@@ -341,7 +341,7 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
 
 
 def readings_text(readings: Readings, width: int | None = None) -> str:
-    """The answer in one line, a table of powers and errors, how they were obtained, and derivatives.
+    """Readings as text: a line with power and error, a table by taxel, notes on the methods, and derivatives.
 
     Parameters
     ----------
@@ -353,7 +353,7 @@ def readings_text(readings: Readings, width: int | None = None) -> str:
     Returns
     -------
     str
-        A table and lines.
+        Lines of text.
     """
     columns = readings_columns(readings)
     lines = [

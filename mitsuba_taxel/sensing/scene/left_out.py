@@ -95,7 +95,7 @@ def _parsed(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[str,
     _leave_out(root, absent)
     used = _used(root).union(*(_used(inner) for _, inner in included))
     for name in sorted(absent & used):
-        raise InputError(f"{name} = {NONE} is not allowed: a file that {path.name} includes uses it.")
+        raise InputError(f"{name} = {NONE} is not allowed: a file that {path.name} includes uses it; give it a value.")
     return mi.parser.parse_string(config, ElementTree.tostring(root, encoding="unicode"), **parameters)
 
 

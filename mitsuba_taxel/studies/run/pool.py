@@ -184,7 +184,7 @@ class _ProcessPool:
 
 
 def do(job: Job, threads: int) -> JobResult | Failure:
-    """Execute a job in a worker process, with ``threads`` threads for the mechanics."""
+    """Execute a job in the current worker process, with ``threads`` threads for the mechanics; see `run`."""
     set_thread_count(threads)
     return run(job)
 

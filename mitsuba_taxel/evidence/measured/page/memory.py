@@ -138,8 +138,8 @@ def _missing() -> str:
     verdict = "does not exclude it"
     if residue > ALIKE * there:
         verdict = (
-            "excludes it. No sum of terms leaves less, because widths and remainders of small weights add up: no "
-            "linear viscosity explains both records, whatever its constants"
+            "excludes it. Several terms leave at least as much, because both the widths and the remainders of terms "
+            "with small weights add up: no linear viscosity explains both records"
         )
     return (
         f"A further term of the series could explain such a loop, best with a relaxation time of {time:.0f} s. In a "
@@ -157,11 +157,12 @@ def _widths_alone() -> str:
     less = abs(lower - at_force) < abs(higher - at_force)
     return (
         "The widths alone show more, if voltage and force are nearly proportional to each other and to the travel. On "
-        f"the way back, the force is lower by {force:g} %. If the voltage at equal travel is lower by its "
-        f"{at_travel:g} %, it is higher at equal force by {lower:.1f} %; if it is higher at equal travel, it is higher "
-        f"at equal force by {higher:.1f} %. {at_force:g} % was measured. So roofs are {'less' if less else 'more'} "
-        "pressed on the way back at equal travel. Softening or relaxation that is the same everywhere does not change "
-        "the shape of a pad at a given travel, and is excluded as the only cause. Play of the robot (which would be "
+        f"the way back, the force is lower by {force:g} %. The loop of the voltage at equal "
+        f"travel is {at_travel:g} % wide. If the voltage is lower there on the way back, it is {lower:.1f} % higher at "
+        f"equal force; if it is higher there, it is {higher:.1f} % higher at equal force. {at_force:g} % was measured. "
+        f"So roofs are {'less' if less else 'more'} pressed on the way back at equal travel. Softening or "
+        "relaxation that is the same everywhere does not change the shape of a pad at a given travel, and is excluded "
+        "as the only cause. Play of the robot (which would be "
         f"{play:.2f} mm) and slip of the pad are excluded as well, because they change nothing at equal force. An "
         "elastic compliance of the robot causes no loop. Possible causes are softening by the first strain (Mullins' "
         f"effect), if it is larger below the indenter than at the roofs, or a softening by {min(lower, at_force):.0f} "

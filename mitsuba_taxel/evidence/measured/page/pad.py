@@ -47,12 +47,12 @@ the contact. The travel before that is fitted as well:
 {paragraph(_valley(results))}
 
 The indenter is modelled as a ball of that radius without friction, and the silicone as neo-Hookean with nu = 0.49.
-Collars of the rigid grid reach {collar} into the cells and hold the walls between them: the model is glued at their
-tops, {collar} above the dies and {below:g} mm below the roofs. The grid is opaque except for windows of
-{measured.WINDOW:g} mm. Roofs reflect
-isotropically and all other surfaces absorb, as in the paper; the LED is Lambertian. The model leaves out the silicone
-around the grid below the tops of the collars, friction, gaps beside the collars, light through the silicone, and
-compliance of the robot. Voltages are compared relative to rest: the circuit is linear up to 3 V of its 3.3 V, so no
+The rigid grid has collars that reach {collar} into the cells and hold the walls between them. In the model, the walls
+are glued to the tops of the collars, {collar} above the dies and {below:g} mm below the roofs. The grid is
+opaque except for windows of {measured.WINDOW:g} mm. Roofs reflect isotropically and all other surfaces absorb, as in
+the paper; the LED is Lambertian. The model leaves out the silicone around the grid below the tops of the collars,
+friction, gaps beside the collars, light through the silicone, and compliance of the robot. Voltages are compared
+relative to rest: the circuit is linear up to 3 V of its 3.3 V, so no
 gain is needed, and no reading comes near saturation.
 
 {"".join(_pressed(taxel, compared) for taxel, compared in results.taxels.items())}
