@@ -69,7 +69,7 @@ def test_mirrors_of_large_elements():
 def test_light_that_a_pressed_mirror_loses():
     domes = rows("domes.md", "N per cell")
     read = {
-        row["N per cell"]: float(row["truth [W/W]"])
+        row["N per cell"]: float(row["reference [W/W]"])
         for row in domes
         if (row["cell"], row["roof"], row["cells"]) == ("hemispheric", "mirror", "1 x 1")
     }

@@ -181,7 +181,7 @@ def test_isotropic_walls_leave_paths_from_the_detector_out(clockwork, write):
 def test_a_method_that_is_off_is_said_to_be():
     rng = np.random.default_rng(0)
     truth = TruthEstimate(np.ones(3), np.full(3, 1e-5), "other")
-    for bias, said in ((0.0, ""), (0.01, "off by +0.01 of the reference")):
+    for bias, said in ((0.0, ""), (0.01, "deviates by +0.01 of the reference")):
         power = 1 + bias + rng.normal(0, 1e-3, (8, 3))
         rungs = [accuracy_optics.SampleRuns(1 << k, power, np.full((8, 3), math.nan), 0.1) for k in (10, 11)]
         curve = accuracy_optics._curve(accuracy_optics._Trial(STOCK, rungs), truth, False)
