@@ -23,11 +23,11 @@ TITLES = {
 
 
 def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figure:
-    """Plot a tolerance study, with a row of two panels for each figure.
+    """Plot a tolerance study, with a row of two panels for each quantity.
 
     Left, for each taxel, relative to the nominal value: a bar from 5 to 95 % of the samples, their mean, and one
-    standard deviation of the samples and from derivatives; where few of the samples are exact, the standard errors of
-    the bar's ends. Right: total Sobol' indices of the parameters.
+    standard deviation of the samples and from derivatives. If only few samples were computed in full, the bar's ends
+    have standard errors. Right: total Sobol' indices of the parameters.
 
     Parameters
     ----------

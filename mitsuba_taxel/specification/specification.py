@@ -78,5 +78,5 @@ class Specification(Checked):
 
     @classmethod
     def table(cls) -> tuple[Parameter, ...]:
-        """All parameters and nested objects."""
+        """All parameters, then all nested objects."""
         return (*parameters_of(cls).values(), *cls.nested)

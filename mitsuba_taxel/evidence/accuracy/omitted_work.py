@@ -133,7 +133,7 @@ def additions(scene: str) -> list[list[str]]:
 
 
 def row(scene: str, added: list[str]) -> dict:
-    """Figures of one scene, measured in this process.
+    """A row of the table: time and memory of one scene, measured in this process, with work that is usually omitted.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ def figures_without_pad(
     markdown: Path | None = None,
     starting: Callable[[str], None] | None = None,
 ) -> Iterator[IntervalRow]:
-    """Yield rows of figures that need no pad; all are counted anew.
+    """Yield coverage rows of quantities that need no pad; rows of earlier runs are not used.
 
     Parameters
     ----------

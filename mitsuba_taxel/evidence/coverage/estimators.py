@@ -127,14 +127,14 @@ class EstimatorRow:
 
 @dataclass(frozen=True)
 class EstimatorCase:
-    """One row of the table.
+    """A comparison of two estimators: of a reading with image connections, or of a difference between two loads.
 
     Attributes
     ----------
     light : LightCase
         The scene; for differences, under the larger load.
     load : tuple[float, float, float] or None
-        Smaller load in N for differences; None for images.
+        Smaller load in N for a difference; None for a reading.
     """
 
     light: LightCase

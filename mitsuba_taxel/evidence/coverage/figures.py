@@ -203,7 +203,7 @@ def courses(rows: Sequence[Any]) -> str:
 
 
 def cells(row: Any) -> list[str]:
-    """Cells of a scene in the second table, below `HEADINGS`."""
+    """Text of the table cells of one scene, in the order of `HEADINGS`."""
     ratios = [row.deviation(figure, target) for figure in SHOWN for target in TARGETS]
     ratios += [row.weakness(figure, "default") for figure in SHOWN]
     costs = (

@@ -107,7 +107,7 @@ class _PlaneView:
         return _text(x, y + TEXT / 3, words)
 
     def lines(self, segments: np.ndarray) -> str:
-        """Lines for segments (S, 2, 2) in mm."""
+        """SVG elements that draw segments (S, 2, 2), given in mm."""
         ends = ((self.at(*start), self.at(*end)) for start, end in segments.tolist())
         path = "".join(f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}" for (a, b), (c, d) in ends)
         return f'<path d="{path}" stroke="currentColor" stroke-width="1.2" fill="none"/>'

@@ -78,7 +78,7 @@ class ArrayEncoding:
 
     @staticmethod
     def shares(values: np.ndarray, most: float) -> str:
-        """Values (V,) from 0 to ``most``, encoded."""
+        """Values (V,) as fractions of ``most``: bytes from 0 to 255, as text."""
         return _text(np.round(255 * np.clip(values / most, 0, 1)).astype(np.uint8))
 
     @staticmethod

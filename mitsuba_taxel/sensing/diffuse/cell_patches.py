@@ -55,7 +55,7 @@ class CellPatches:
         return self._with_package(self.faces.carried(nodal), np.zeros_like(self.package))
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """Velocities of the patches with a dimension of the pad; see :meth:`WallPatches.moved`.
+        """Rates of change of the patches' positions with a dimension of the pad; see :meth:`WallPatches.moved`.
 
         Parameters
         ----------

@@ -41,7 +41,8 @@ class IndenterForce(Load, name="indenter_force", rank=6):
 
     @property
     def driven(self) -> IndenterDisplacement:
-        """The displacement of the indenter that follows."""
+        """Load that prescribes the displacement of the same indenter. The depth under a force is that at which the
+        reaction equals the force."""
         return IndenterDisplacement(self.indenter, self_contact=self.self_contact)
 
     def check(self, value: Sequence[float] | np.ndarray) -> None:
