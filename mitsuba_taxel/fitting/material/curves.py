@@ -173,7 +173,9 @@ def _strains(table: Table, column: Column, length: float | None) -> np.ndarray:
     heading = column.heading.lower()
     if kind == "mm" or (factor is None and re.search("extension|displacement", heading)):
         if length is None:
-            raise InputError(f"{table.what}, column {column.heading}: the length of the specimen in mm is needed (`--length`).")
+            raise InputError(
+                f"{table.what}, column {column.heading}: the length of the specimen in mm is needed (`--length`)."
+            )
         return values * (1.0 if factor is None else factor) / length
     if kind:
         raise InputError(f"{table.what}, column {column.heading}: a strain, or an extension in mm, is needed.")

@@ -107,7 +107,9 @@ def make_axes(
     # Limits of the whole study.
     for name in (*vary, *rows):
         if name in TAKEN:
-            raise InputError(f"{name} cannot be varied, because a column of the results has the same name: rename the parameter.")
+            raise InputError(
+                f"{name} cannot be varied, because a column of the results has the same name: rename the parameter."
+            )
     if not axes:
         raise InputError("nothing is varied: values of at least one parameter are needed, by vary, together or steps.")
     count = prod(axis.size for axis in axes)
