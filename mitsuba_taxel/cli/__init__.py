@@ -78,7 +78,7 @@ class _Commands(click.Group):
 def taxel(plugins: tuple[Path, ...], variant: str | None) -> None:
     """Simulate optoelectronic tactile sensors: force, deformed pad, light, reading.
 
-    SCENE is a Mitsuba XML file, or the name of a scene that ships with the package (hexagonal.xml, pad.xml,
+    SCENE is a Mitsuba XML file, or the name of a scene that ships with the package (gel.xml, hexagonal.xml, pad.xml,
     plate.xml).
     Units are mm, N, MPa, W and s.
     """

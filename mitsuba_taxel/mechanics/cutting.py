@@ -153,7 +153,7 @@ def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
     mesh : VolumeMesh
         Mesh of the undeformed pad.
     cells : tuple[int, ...] or None
-        Numbers of the cells; None for all.
+        Numbers of the cells; None for all, or for the top of a pad without cells.
 
     Returns
     -------
@@ -161,7 +161,7 @@ def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
         One value for each face.
     """
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
-    if not in_cell.any():
+    if cells is None and not in_cell.any():
         return mesh.face_region == REGIONS["top"]
     return in_cell if cells is None else in_cell & np.isin(mesh.face_cell, cells)
 

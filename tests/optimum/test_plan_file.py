@@ -92,8 +92,8 @@ def test_a_plan(plan):
         *(
             (
                 WHOLE + CONSTRAINT + f'figure = "{name}"\nleast = 40\n',
-                f"{name.replace('_', ' ')} along normal >= 40 is not allowed with loads of fz up to 2: it is known up "
-                "to 10 times that, so loads up to 4 or more are needed",
+                f"{name.replace('_', ' ')} along normal >= 40 is not allowed with loads of fz up to 2: the figure "
+                "is computed up to 10 times that load, so loads up to 4 or more are needed",
             )
             for name in ("range", "first_contact")
         ),

@@ -9,7 +9,6 @@ import numpy as np
 
 from mitsuba_taxel.parameters import REQUIRED, parameters_of
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
-from mitsuba_taxel.specification.deformable_pad import FINISHES
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -45,6 +44,8 @@ def finish_notes(scene: mi.Scene) -> list[str]:
 
 def _words(finish: Finish) -> str:
     """The kind of a finish, its required parameters, and parameters that differ from the default."""
+    from mitsuba_taxel.specification.deformable_pad import FINISHES  # scenes without a finish need no pads
+
     words = [next(word for word, kind in FINISHES.items() if kind is type(finish))]
     for field, parameter in parameters_of(type(finish)).items():
         value = getattr(finish, field)

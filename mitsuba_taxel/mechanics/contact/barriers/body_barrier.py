@@ -55,7 +55,8 @@ class BodyBarrier:
 
     def __init__(self, mesh: VolumeMesh, modulus: float, bodies: RigidBodies, fraction: float = 1.0) -> None:
         self._ipc = ipc = ipctk_of_one_thread()
-        cut = cut_faces(mesh, CUTS)
+        cells = np.unique(mesh.face_cell[mesh.face_cell > 0])
+        cut = cut_faces(mesh, CUTS, tuple(cells.tolist()))
         wall_triangles = cut.triangles[mesh.face_region[cut.faces] != REGIONS["bottom"]]
         used_vertices, number = np.unique(wall_triangles, return_inverse=True)
         point = cut.of_vertex[used_vertices]
