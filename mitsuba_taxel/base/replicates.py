@@ -6,6 +6,10 @@ import math
 
 import numpy as np
 
+MOST_OF_SCATTER = 0.5
+"""Contribution of one replicate to the scatter above which large values are rare, so that `standard_error` is
+uncertain: of 32 replicates with a normal distribution, one contributes more than half in 1 of 8600 cases."""
+
 
 def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
     """Standard error of the mean over replicates, from their scatter.
@@ -32,10 +36,7 @@ def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
 
 
 def largest_scatter_share(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
-    """Largest contribution of one replicate to the sum of squared deviations from the mean.
-
-    For 32 replicates with a normal distribution, one replicate contributes more than half of the sum in 1 of 8600
-    cases. More than half is therefore a sign of rare large values, with which :func:`standard_error` is uncertain.
+    """Largest contribution of one replicate to the sum of squared deviations from the mean; see `MOST_OF_SCATTER`.
 
     Parameters
     ----------

@@ -34,6 +34,8 @@ MOST_SAMPLES = 2**20
 """Largest number of samples per pixel and replicate."""
 BYTES_PER_SAMPLE = 400
 """Memory in bytes per traced path, measured with scenes of a few plugins."""
+BYTES_PER_PIXEL = 2 * 8 * 3 * REPLICATES
+"""Memory in bytes per pixel for the images of all replicates, and their copy."""
 PATHS_AT_ONCE = 2**21
 """Largest number of paths traced at the same time, unless an image has more pixels."""
 MOST_SURFACES = 16
@@ -147,7 +149,7 @@ def view_of(scene: mi.Scene) -> tuple[mi.Sensor, np.ndarray, np.ndarray]:
     Parameters
     ----------
     scene : mi.Scene
-        A loaded one.
+        Loaded scene.
 
     Returns
     -------
@@ -197,7 +199,7 @@ def _refuse_large(camera: mi.Sensor) -> None:
     from mitsuba_taxel.mechanics.elements.memory import free_memory
 
     width, height = map(int, camera.film().crop_size())
-    needed, free = float(width) * height * BYTES_PER_SAMPLE, free_memory()
+    needed, free = float(width) * height * (BYTES_PER_SAMPLE + BYTES_PER_PIXEL), free_memory()
     if needed > free:
         raise InputError(
             f"width = {width}, height = {height} of the film are not allowed: the image needs "
@@ -231,10 +233,7 @@ def _replicates(
             progress(done, REPLICATES)
     stack = np.stack(images)[..., : 3 if images[0].shape[-1] > 3 else None]
     if not np.isfinite(stack).all():
-        raise InputError(
-            "the image is not finite: sizes or powers in the scene differ by too many orders of magnitude; check their "
-            "units (mm, W)."
-        )
+        raise InputError("the image is not finite: check the units of sizes (mm) and powers in the scene.")
     return stack.mean(axis=0), stack.std(axis=0, ddof=1) / math.sqrt(REPLICATES)
 
 

@@ -21,7 +21,7 @@ from mitsuba_taxel.base.arguments import (
 )
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.processes import stages
-from mitsuba_taxel.base.replicates import largest_scatter_share
+from mitsuba_taxel.base.replicates import MOST_OF_SCATTER, largest_scatter_share
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.kernels.walls import set_wavelength
@@ -71,8 +71,6 @@ if TYPE_CHECKING:
 
 LIGHT_ERROR = 0.005
 """Default relative standard error of the light."""
-MOST_OF_SCATTER = 0.5
-"""Contribution of one replicate to the scatter of all replicates above which a note warns of rare paths."""
 
 
 # The scene must be deleted, too, before another scene is traced: Dr.Jit finds its shapes while they are destroyed.
@@ -238,10 +236,7 @@ def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanic
     ready, errors = prepared.ready, prepared.errors
     powers = run.powers if errors.power is None else np.tile(errors.power, (REPLICATES, 1))
     if not np.all(np.isfinite(powers)):
-        raise ComputationError(
-            "readings are not finite: sizes or powers in the scene differ by too many orders of magnitude; check their "
-            "units (mm, W)."
-        )
+        raise ComputationError("readings are not finite: check the units of sizes (mm) and powers (W) in the scene.")
     replicates, taxels = powers.shape
     # Light that paths may have missed on dark taxels.
     dark_error = None

@@ -335,7 +335,7 @@ def speed_command(target_error: float) -> None:
     default="3,6,9,12",
     show_default=True,
     metavar="N,...",
-    help="Rows and columns of the square pads; a pad of 32 x 32 cells takes about 12 GB.",
+    help="Rows and columns of the square pads.",
 )
 @click.option("--ball", is_flag=True, help="Press a ball off the centre, so that nothing is symmetric.")
 @click.option(

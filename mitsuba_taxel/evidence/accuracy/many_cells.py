@@ -171,7 +171,12 @@ def growth(rows: Sequence[ManyCellsRow]) -> float:
     Parameters
     ----------
     rows : sequence of ManyCellsRow
-        Rows of pads that were read.
+        Rows of pads; those that were not read are left out.
+
+    Returns
+    -------
+    float
+        For example 1 if the time is proportional to the number of cells.
     """
     read = [row for row in rows if math.isfinite(row.seconds)]
     if len({row.cells for row in read}) < 2:

@@ -19,6 +19,8 @@ LEAST_ROWS = 5
 """Least number of rows of a loading branch, which exceeds the number of constants of the simplest laws."""
 LARGEST_PLAIN_STRAIN = 3.0
 """Largest strain of a column without a unit; larger numbers may be in percent."""
+DOUBTFUL_STRAIN = 1.0
+"""Largest strain of a column without a unit above which a note says that it is taken as a fraction."""
 TURN = 0.04
 """Decrease of strain, relative to its range, with which an unloading branch begins."""
 SIGN = 0.05
@@ -133,6 +135,9 @@ def read_curve(
         stress = stress / (1 + strain)
     _refuse_signs(what, lines, strain, stress, compression)
     branch, notes = _loading_branch(strain, path.name)
+    is_plain = "stretch" not in strain_column.heading.lower() and _unit_of(table, strain_column) == ("", None)
+    if is_plain and length is None and np.abs(strain).max() > DOUBTFUL_STRAIN:
+        notes.append(f"{path.name}: {strain_column.heading} has no unit and is taken as a fraction, not in percent")
     curve = StressCurve(path.name, mode, lines[branch], strain[branch], stress[branch], notes)
     if len(curve.lines) < LEAST_ROWS:
         raise InputError(
@@ -155,8 +160,11 @@ def _column(table: Table, pattern: re.Pattern[str]) -> Column:
     return found[0]
 
 
-def _unit_of(column: Column) -> tuple[str, float | None]:
-    """Kind of the unit of a column (`MPa`, `N`, `mm`, or empty), and its factor; None without a unit."""
+def _unit_of(table: Table, column: Column) -> tuple[str, float | None]:
+    """Kind of the unit of a column (`MPa`, `N`, `mm`, or empty), and its factor; None without a unit.
+
+    Raises `InputError` for an unknown unit in brackets.
+    """
     bracket = _BRACKET.search(column.heading)
     word = (bracket[1] if bracket else column.heading.replace("_", " ").split()[-1]).strip().lower()
     if word in _OWN_UNITS:
@@ -164,12 +172,14 @@ def _unit_of(column: Column) -> tuple[str, float | None]:
     if column.unit:
         kind, factor = UNITS[column.unit]
         return kind, float(factor)
+    if bracket:
+        raise InputError(f"{table.what}, column {column.heading}: the unit {bracket[1]!r} is not known.")
     return "", None
 
 
 def _strains(table: Table, column: Column, length: float | None) -> np.ndarray:
     """Nominal strains of a column of strain, stretch or extension."""
-    values, (kind, factor) = table.numbers(column), _unit_of(column)
+    values, (kind, factor) = table.numbers(column), _unit_of(table, column)
     heading = column.heading.lower()
     if kind == "mm" or (factor is None and re.search("extension|displacement", heading)):
         if length is None:
@@ -196,10 +206,12 @@ def _strains(table: Table, column: Column, length: float | None) -> np.ndarray:
 
 def _stresses(table: Table, column: Column, area: float | None) -> tuple[np.ndarray, bool]:
     """Stresses in MPa of a column of stress or force, and whether it is a force."""
-    values, (kind, factor) = table.numbers(column), _unit_of(column)
+    values, (kind, factor) = table.numbers(column), _unit_of(table, column)
     if kind == "N":
         if area is None:
-            raise InputError(f"{table.what}, column {column.heading}: the area of the specimen in mm² is needed.")
+            raise InputError(
+                f"{table.what}, column {column.heading}: the area of the specimen in mm² is needed (`--area`)."
+            )
         return values * float(factor or 1) / area, True
     if kind != "MPa":
         raise InputError(
@@ -253,6 +265,12 @@ def _refuse_fall(what: str, curve: StressCurve) -> None:
     noise = max(float(np.median(bends)), relative * float(size.max())) / 0.6745
     fall = np.maximum.accumulate(means) - means
     worst = int(np.argmax(fall))
+    half = len(size) // 2
+    if size[-half:].mean() < size[:half].mean():
+        raise InputError(
+            f"{what}, line {lines[0]} to {lines[-1]}: the stress is lower in the second half of the strains than in "
+            "the first: a rising curve is needed."
+        )
     if fall[worst] > FALL * size.max() and fall[worst] > SIGMAS * noise * math.sqrt(2 / width):
         begin = int(np.argmax(means[: worst + 1]))
         first = min(begin + width, len(lines) - 1)

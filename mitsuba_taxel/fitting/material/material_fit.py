@@ -36,6 +36,8 @@ OTHER_MODES = 1.5
 """Largest stretch at which laws are compared in modes without tests."""
 POOR = 3.0
 """Residuals, relative to the noise, above which a warning states that the best law does not follow the tests."""
+COARSE = 0.1
+"""Residuals, relative to the largest stress, above which a warning states by how much the best law misses the tests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +184,7 @@ def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None
     if len(with_slacks.free) > len(tests.free):
         fits = [_with_unknown_slacks(fit, with_slacks) for fit in fits]
     reach = max(curve.largest_stretch for curve in curves)
-    fits = _ranked([_refused_where_unstable(fit, reach) for fit in fits], tests)
+    fits = _ranked([_refused_where_unstable(fit, reach) for fit in fits])
     if fits[0].refusal:
         raise InputError(f"no law follows the tests: {fits[0].candidate.label} is refused, as {fits[0].refusal}")
 
@@ -196,6 +198,8 @@ def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None
             f"no law follows the tests within their noise (residuals {best.misfit:.1f} times as large, worst in "
             f"{curves[index].file!r}, line {line}): tests of other specimens, modes that contradict each other, or slip"
         )
+    if best.rms > COARSE:
+        warnings.append(f"the best law misses the tests by {best.rms:.0%} of the largest stress: check the tables")
     modes = {curve.mode for curve in curves}
     if len(modes) == 1:
         (mode,) = modes
@@ -283,7 +287,7 @@ def _refused_where_unstable(fit: LawFit, reach: float) -> LawFit:
     return replace(fit, refusal=f"its stress falls beyond a principal stretch of {fit.stable:.3g}, within the tests")
 
 
-def _ranked(fits: list[LawFit], tests: Tests) -> list[LawFit]:
+def _ranked(fits: list[LawFit]) -> list[LawFit]:
     """Laws in the order of `MaterialFit.fits`."""
     allowed = sorted((fit for fit in fits if not fit.refusal), key=lambda fit: fit.cross_validated)
     refused = sorted((fit for fit in fits if fit.refusal), key=lambda fit: fit.cross_validated)
@@ -293,7 +297,7 @@ def _ranked(fits: list[LawFit], tests: Tests) -> list[LawFit]:
     def clearly_worse(fit: LawFit, other: LawFit) -> bool:
         gain = fit.predicted**2 - other.predicted**2
         significant = gain.mean() > SIGNIFICANT * gain.std() / np.sqrt(len(gain))
-        return significant and fit.cross_validated > other.cross_validated + NEGLIGIBLE * float(tests.largest.max() > 0)
+        return significant and fit.cross_validated > other.cross_validated + NEGLIGIBLE
 
     def quality(fit: LawFit) -> float:
         return float(np.square(fit.predicted).mean())

@@ -9,7 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import path_of
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.files.table import UNITS, read_table
+from mitsuba_taxel.base.files.table import UNITS, Column, read_table
 
 MOST_TERMS = 4
 LEAST_ROWS = 8
@@ -76,8 +76,7 @@ def fit_relaxation(file: str | Path) -> RelaxationFit:
     loads = [column for column in table.columns if any(word in column.heading.lower() for word in words)]
     if len(times) != 1 or len(loads) != 1:
         raise InputError(f"{what}: one column 'time [s]' and one column of stress or force are needed.")
-    factor = float(UNITS[times[0].unit][1]) if times[0].unit in ("s", "ms", "min", "us") else 1.0
-    time, stress = factor * table.numbers(times[0]), np.abs(table.numbers(loads[0]))
+    time, stress = _seconds_per_unit(what, times[0]) * table.numbers(times[0]), np.abs(table.numbers(loads[0]))
     lines = np.array(table.lines)
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
@@ -92,6 +91,8 @@ def fit_relaxation(file: str | Path) -> RelaxationFit:
     if len(time) < LEAST_ROWS:
         raise InputError(f"{what}: {len(time)} rows from line {lines[0]} on are not allowed: at least {LEAST_ROWS}.")
     fits = [fit for fit in (_fit(time, stress, terms) for terms in range(1, MOST_TERMS + 1)) if fit is not None]
+    if not fits:
+        raise InputError(f"{what}, line {lines[0]}: the stress does not fall: a test at constant strain is needed.")
     chosen = fits[0]
     for fit in fits[1:]:
         gain = chosen.predicted**2 - fit.predicted**2
@@ -112,6 +113,18 @@ def fit_relaxation(file: str | Path) -> RelaxationFit:
         chosen.model / amplitude,
         notes,
     )
+
+
+def _seconds_per_unit(what: str, column: Column) -> float:
+    """Seconds per unit of a column of time, which is in s if its heading has no unit; raises `InputError`."""
+    if UNITS.get(column.unit, ("",))[0] == "s":
+        return float(UNITS[column.unit][1])
+    word = column.heading.lower().removeprefix("time").removeprefix("t").strip(" _/[]()")
+    if word in ("h", "hours"):
+        return 3600.0
+    if word:
+        raise InputError(f"{what}, column {column.heading}: a unit of time is needed: s, ms, min or h.")
+    return 1.0
 
 
 @dataclass(frozen=True, eq=False)

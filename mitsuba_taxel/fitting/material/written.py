@@ -102,7 +102,7 @@ def material_answer(fit: MaterialFit) -> str:
 
 
 def constant_rows(fit: LawFit) -> list[tuple[str, str, str]]:
-    """Name, value with its 95 % interval, and unit of each constant.
+    """Name, value with the larger half of its 95 % interval, and unit of each constant.
 
     Parameters
     ----------
@@ -115,8 +115,8 @@ def constant_rows(fit: LawFit) -> list[tuple[str, str, str]]:
         Constants in the order of the law.
     """
     rows = []
-    for name, value, high in zip(fit.candidate.names, fit.constants, fit.high, strict=True):
-        width = high - value
+    for name, value, low, high in zip(fit.candidate.names, fit.constants, fit.low, fit.high, strict=True):
+        width = max(high - value, value - low)
         error = f"± {width:.2g}" if math.isfinite(width) else "(not determined)"
         rows.append((name, f"{value:.4g} {error}", "MPa" if name in fit.candidate.moduli else ""))
     return rows

@@ -243,8 +243,7 @@ class LoadedPad(MeshedPad):
     def solve_after(
         self, start: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> tuple[Solution, Linearised]:
-        """The stable equilibrium as of :meth:`solve`, after a ``history``. The matrix factored at the state ``near`` is
-        used as long as it suffices.
+        """The stable equilibrium after a ``history``; the matrix factored at ``near`` is used as long as it suffices.
 
         Stability against displacements without the symmetry of the load is not tested.
 

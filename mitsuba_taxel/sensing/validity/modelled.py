@@ -89,7 +89,9 @@ def _refuse_blocks(scene: mi.Scene) -> None:
         from mitsuba_taxel.pads import Block  # a scene without a pad omits it
 
         if isinstance(pad.pad, Block):
-            raise InputError(f"{NO_ROOM}: a pad with cells is needed for readings.", pad)
+            raise InputError(
+                f"{NO_ROOM}: readings and studies need a pad with cells; `taxel render` makes a camera's image.", pad
+            )
 
 
 def _refuse_instances(scene: mi.Scene) -> None:

@@ -376,9 +376,7 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
     if not several:
         scenes = [{name: content.pop(name) for name in SCENE_KEYS if name in content}]
     if not (isinstance(scenes, list) and scenes and all(isinstance(scene, dict) for scene in scenes)):
-        raise InputError(
-            f"study {Path(file).name}: a value of scenes is not allowed: a table [[scenes]] for each scene is needed."
-        )
+        raise InputError(f"study {Path(file).name}: scenes must be tables, each under the heading [[scenes]].")
     # Each scene: known keys, and tables of values.
     for number, scene in enumerate(scenes, start=1):
         where = f"scene {number} of {Path(file).name}" if several else f"study {Path(file).name}"

@@ -100,6 +100,8 @@ def edited(**changes):
         ("strain,stress [MPa]", lambda e, s: (e[9:10], s[9:10]), "line 2 alone is not allowed: at least 5 rows"),
         ("strain,stress [MPa]", lambda e, s: (e[:3], s[:3]), "3 rows are not allowed: at least 5 rows"),
         ("strain,stress [MPa]", edited(factors={20: 0.3}), "line 2[12]: the stress falls from 0.1.* to 0.0"),
+        ("strain,stress [MPa]", lambda e, s: (e[1:6], s[6:1:-1]), "line 2 to 6: the stress is lower in the"),
+        ("strain [mil],stress [MPa]", lambda e, s: (e, s), "column strain .mil.: the unit 'mil' is not known"),
         ("strain,stress", lambda e, s: (e, s), "column stress: a unit is needed"),
         ("strain,force [N]", lambda e, s: (e, s), "the area of the specimen in mm² is needed"),
         ("extension [mm],stress [MPa]", lambda e, s: (e, s), "the length of the specimen in mm is needed"),
@@ -142,3 +144,13 @@ def test_without_a_test_or_with_a_bad_limit_there_is_no_fit(stress, write_csv):
         fit_material([file], area=0)
     with pytest.raises(InputError, match=r"3 rows up to a strain of 0.06 are not enough"):
         fit_material([file], up_to=0.06)
+
+
+@pytest.mark.parametrize(("heading", "factor", "noted"), [
+    ("strain", 2.5, True), ("strain", 0.9, False), ("strain [1]", 2.5, False), ("strain [%]", 250, False),
+])  # fmt: skip
+def test_large_strains_without_a_unit_are_noted(heading, factor, noted, stress, write_csv):
+    """They may be in percent: 2.5 % is written as 2.5."""
+    rising = np.linspace(0, 1, len(stress))
+    curve = read_curve(write_csv("a.csv", f"{heading},stress [MPa]", factor * rising, rising), "uniaxial")
+    assert any("taken as a fraction" in note for note in curve.notes) == noted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from mitsuba_taxel.fitting.material.law_fit import Tests, fit_law
 from mitsuba_taxel.fitting.material.material_fit import fit_material, rank_laws
 from mitsuba_taxel.fitting.material.noise import curve_noise
 from mitsuba_taxel.fitting.material.relaxation import fit_relaxation
-from mitsuba_taxel.fitting.material.written import material_answer, write_material
+from mitsuba_taxel.fitting.material.written import constant_rows, material_answer, write_material
 from mitsuba_taxel.mechanics.materials.laws import Yeoh
 from mitsuba_taxel.mechanics.materials.material_file import read_material
 from mitsuba_taxel.mechanics.materials.silicones import SILICONES
@@ -207,3 +208,25 @@ def test_the_file_is_a_material_of_scenes(curve_of, write_csv, tmp_path):
     np.testing.assert_allclose(material.content["covariance"]["rows"], fit.best.covariance, rtol=1e-6)
     assert material.content["tests"][0]["rows"] == 40 and "uniaxial.csv" in material.source
     assert material_answer(fit).startswith("yeoh, 2 terms: c10 = 0.0")
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("s", 1.0), ("min", 60.0), ("h", 3600.0)])
+def test_times_of_a_relaxation_have_their_unit(unit, seconds, write_csv):
+    time = np.linspace(0, 30, 60)
+    fit = fit_relaxation(write_csv("r.csv", f"time [{unit}],force [N]", time, 10 - 2 * (1 - np.exp(-time / 5))))
+    assert fit.prony == (pytest.approx((0.2, 5 * seconds), rel=1e-4),)
+
+
+def test_an_unknown_unit_of_time_is_refused(write_csv):
+    time = np.linspace(0, 30, 60)
+    with pytest.raises(InputError, match=r"column time \[d\]: a unit of time is needed: s, ms, min or h"):
+        fit_relaxation(write_csv("r.csv", "time [d],force [N]", time, 10 - 2 * (1 - np.exp(-time / 5))))
+
+
+def test_the_printed_error_is_the_larger_half_of_the_interval(stress_of):
+    """Intervals that include an unknown slack are not symmetric."""
+    strain = np.linspace(0, 0.8, 40)
+    stress = stress_of("neo_hookean", (0.2,), "uniaxial", strain)
+    curve = StressCurve("a.csv", "uniaxial", np.arange(40), strain, stress)
+    fit = replace(rank_laws([curve]).best, constants=np.array([0.2]), low=np.array([0.1]), high=np.array([0.21]))
+    assert constant_rows(fit)[0][1] == "0.2 ± 0.1"
