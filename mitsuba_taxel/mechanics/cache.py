@@ -29,7 +29,7 @@ SPARED = 600.0
 """Seconds after the last use of an entry during which it is not removed."""
 _OURS = re.compile(r"[0-9a-f]{64}\.npz")
 ROOMS = ("parameters", "base", "geometry", "pads", "mechanics")
-"""Rooms whose code determines solutions."""
+"""Subpackages of `mitsuba_taxel` whose code determines solutions; their digest is part of every key."""
 
 
 def folder() -> Path:
@@ -42,13 +42,13 @@ def folder() -> Path:
 
 
 def key(*parts: object) -> str:
-    """Hexadecimal digest of JSON values, with exact floats, and of the code that uses them."""
+    """Name of a cache entry: the SHA-256 digest of JSON values and of the code of :data:`ROOMS`, in hexadecimal."""
     text = json.dumps([code_digest(*ROOMS), *parts], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def load(name: str) -> dict[str, np.ndarray] | None:
-    """The arrays stored under ``name``, or None if missing or damaged."""
+    """The arrays stored under ``name``; None if the file is missing or damaged."""
     file = folder() / f"{name}.npz"
     try:
         content = file.read_bytes()
@@ -99,8 +99,8 @@ def alone(name: str) -> Iterator[None]:
 
 
 class _Limit:
-    """Keeps the size of the folder below :data:`LARGEST`. The size is checked at the first call, and whenever a
-    hundredth of it has been stored since."""
+    """Keeps the size of the folder below :data:`LARGEST`. The size is measured at the first call, and again each time
+    that a hundredth of it has been stored."""
 
     def __init__(self) -> None:
         self._since = LARGEST
@@ -162,7 +162,11 @@ def store(name: str, arrays: dict[str, np.ndarray]) -> None:
         cache_limit.stored((folder() / f"{name}.npz").stat().st_size)
     except (OSError, WriteError) as error:
         # The location of the warning is here, not at the caller, so that it is shown once.
-        warnings.warn(f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}).", stacklevel=1)
+        warnings.warn(
+            f"solutions are not kept: {folder()} cannot be written ({reason_of(error)}); set MITSUBA_TAXEL_CACHE to a "
+            "folder that can be.",
+            stacklevel=1,
+        )
 
 
 def entries() -> list[os.DirEntry[str]]:
@@ -189,7 +193,7 @@ def is_locked(name: str) -> bool:
 
 
 def arrays_of(state: Any) -> dict[str, np.ndarray]:
-    """The fields of a dataclass of arrays and numbers by name, for :func:`store`.
+    """The fields of a dataclass of arrays and numbers, as arrays by name, for :func:`store`.
 
     Fields of a dataclass within it are named "outer.inner"; fields that are None are left out.
     """

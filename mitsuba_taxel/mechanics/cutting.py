@@ -19,7 +19,8 @@ lie half-way between two multiples, where rounding would separate coincident poi
 
 @dataclass(frozen=True)
 class Cut:
-    """A subdivided surface. Coincident points of several faces are one vertex.
+    """A subdivided surface: T triangles with V vertices. Its P points belong to one face each; coincident points of
+    several faces are one vertex.
 
     Attributes
     ----------
@@ -56,11 +57,12 @@ class Cut:
         return self.vertex[self.corners]
 
     def at_vertices(self, values: np.ndarray) -> np.ndarray:
-        """Values (V, C) at the vertices, from values (N, C) at the nodes of the mesh."""
+        """Values (V, C) of C components at the V vertices, from values (N, C) at the N nodes of the mesh."""
         return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
 
     def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
-        """Derivatives (N, C) with respect to nodal values, from those with respect to values at the vertices (V, C)."""
+        """Derivatives (N, C) with respect to values of C components at N nodes, from those with respect to values (V,
+        C) at the V vertices."""
         number, weights = self.nodes[self.of_vertex].ravel(), self.weights[self.of_vertex]
         sums = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
         return np.stack(list(sums), axis=1)

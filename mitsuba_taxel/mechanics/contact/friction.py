@@ -1,8 +1,9 @@
 """Coulomb friction of a rigid indenter on faces in contact.
 
 At each node in contact, the tangential traction grows with the slip, at the penalty stiffness of the pressure, up to
-the coefficient times the pressure. Slip is integrated like gaps. This is a return mapping as in plasticity, from the
-traction at the end of the previous step (P. Wriggers, Computational Contact Mechanics, 2006, section 10.5).
+the coefficient times the pressure. Slip is weighted and integrated over the faces like gaps. This is a return mapping
+as in plasticity, from the traction at the end of the previous step (P. Wriggers, Computational Contact Mechanics, 2006,
+section 10.5).
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ class FrictionState(NamedTuple):
     Attributes
     ----------
     slip_position : (m, 3) ndarray
-        Position of the faces relative to the indenter, integrated with the linear function of each node, mm³.
+        Position of the faces relative to the indenter, times the linear function of each of m contact nodes and
+        integrated over the faces, mm³.
     traction : (m, 3) ndarray
-        MPa, on the faces.
+        Tangential traction on the faces at each contact node, MPa.
     """
 
     slip_position: np.ndarray
@@ -40,7 +42,7 @@ class Friction:
     Parameters
     ----------
     body : Indentation
-        The indenter above the mesh of a part of the pad.
+        Contact of the indenter with the mesh of a part of the pad.
     points : (N, 3) ndarray
         Undeformed nodes of the part, mm.
     mirrors : sequence of Mirror
@@ -62,7 +64,8 @@ class Friction:
         return FrictionState(*np.zeros((2, len(self._body.node), 3)))
 
     def slip_position(self, displacement: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Position (m, 3) in mm³ of the faces relative to the indenter, as in :class:`FrictionState`.
+        """Integrated position (m, 3) in mm³ of the faces relative to the indenter at m contact nodes, as in
+        :class:`FrictionState`.
 
         Computed from the ``displacement`` (N, 3) of the nodes and the displacement ``moved`` (3,) of the indenter, in
         mm.
@@ -70,8 +73,8 @@ class Friction:
         return self._body.carried @ displacement - self._body.area[:, None] * moved
 
     def tangents(self, contact_state: ContactState) -> np.ndarray:
-        """Unit vectors (m, 2, 3) along the surface of the indenter at each node; 0 for a direction across the plane of
-        a mirror."""
+        """Two unit vectors (m, 2, 3) along the surface of the indenter at each of m contact nodes; 0 for a direction
+        across the plane of a mirror."""
         normal = (
             contact_state.area_normal / np.maximum(np.linalg.norm(contact_state.area_normal, axis=1), TINY)[:, None]
         )
@@ -85,8 +88,8 @@ class Friction:
         return np.stack([first, second], axis=1)
 
     def rows(self, tangents: np.ndarray) -> sparse.csr_array:
-        """Derivatives (2 m, 3 N) in mm² of the slip with respect to the nodal displacements, along the first tangents,
-        then the second."""
+        """Derivative (2 m, 3 N) in mm² of the slip at m contact nodes with respect to the displacements of N nodes:
+        first of the slip along the first tangents, then of that along the second."""
         x, y, z = (np.concatenate([tangents[:, 0, axis], tangents[:, 1, axis]]) for axis in range(3))
         doubled = [sparse.csr_array(sparse.vstack([rows, rows])) for rows in self._rows]
         return sparse.csr_array(
@@ -94,7 +97,8 @@ class Friction:
         )
 
     def slip(self, tangents: np.ndarray, slip_position: np.ndarray, previous: FrictionState) -> np.ndarray:
-        """Slip (m, 2) along both tangents since the ``previous`` state, integrated over the area of a node, in mm³.
+        """Slip (m, 2) along both tangents since the ``previous`` state, integrated over the area of each of m contact
+        nodes, in mm³.
 
         The elastic slip under the previous state's traction is not included."""
         compliance = self._body.slack[:, None]
@@ -105,7 +109,7 @@ class Friction:
     def traction(
         self, tangents: np.ndarray, slip_position: np.ndarray, previous: FrictionState, pressure: np.ndarray
     ) -> np.ndarray:
-        """Traction (m, 3) in MPa at the end of a step that began with a ``previous`` state."""
+        """Traction (m, 3) in MPa at m contact nodes at the end of a step that began with a ``previous`` state."""
         trial = -self.slip(tangents, slip_position, previous) / self._body.slack[:, None]
         limit = self.coefficient * pressure
         trial_size = np.linalg.norm(trial, axis=1)

@@ -3,8 +3,8 @@
 The pressure has a value at each node and is linear between them, on each face divided into four triangles. It prevents
 penetration on average: the gap, weighted by the linear function of the node, is not negative (M. A. Puso, T. A. Laursen
 and J. Solberg, Comput. Methods Appl. Mech. Eng. 197, 2008: mortar contact of quadratic elements). The remaining
-penetration is the pressure over a penalty stiffness, so that both follow from the displacement: E = sum 1/2 min(gap,
-0)^2 / slack, and forces are its derivative.
+penetration is the pressure over a penalty stiffness, so that both follow from the displacement. The contact energy is E
+= sum 1/2 min(gap, 0)^2 / slack, where slack is the penalty compliance of a node; forces are its negative derivative.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ from mitsuba_taxel.pads.regions import REGIONS
 STIFFNESS = 2e3
 """Pressure at a penetration as large as the face, in Young's moduli."""
 SHAPE_STEP = 1e-5
-"""Largest displacement of a node, relative to the pad's height, for finite differences by the shape."""
+"""Largest displacement of a node, relative to the pad's height, for finite differences with respect to the shape."""
 
 _NODES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
 _PIECES = np.array([[0, 3, 5], [1, 4, 3], [2, 5, 4], [3, 4, 5]])
 # Three points on each of the four triangles, exact to degree 2 there.
 _HATS = np.concatenate([(np.full((3, 3), 1 / 6) + np.eye(3) / 2) @ np.eye(len(_NODES))[piece] for piece in _PIECES])
-"""Linear functions (q, 6) of the nodes at the quadrature points of a face."""
+"""Values (q, 6) of the linear functions of a face's six nodes at its q quadrature points."""
 _WEIGHTS = np.full(len(_HATS), 0.5 / len(_HATS))
 _VALUES, _SLOPES = shape_functions(_HATS @ _NODES), shape_slopes(_HATS @ _NODES)
 _PRODUCTS = (_HATS[:, :, None] * _VALUES[:, None, :]).reshape(len(_HATS), -1)
-"""Products (q, 36) of each linear function and each shape function."""
+"""Products (q, 36) of each linear function and each quadratic shape function at these points."""
 
 
 class ContactState(NamedTuple):
-    """Gaps and forces between an indenter and the nodes of the faces that it may touch.
+    """Gaps and forces between an indenter and the m nodes of the faces that it may touch, in a mesh of N nodes.
 
     Attributes
     ----------
     gaps : Gap
         Distances at the quadrature points of all faces.
     gap : (m,) ndarray
-        Distance times the linear function of the node, integrated over undeformed faces, mm³.
+        Distance times the linear function of each node, integrated over the undeformed faces, mm³.
     rate : (m, 3 N) csr_array
         Derivative of the gap with respect to the displacement of each node, mm².
     area_normal : (m, 3) ndarray
@@ -79,7 +79,7 @@ class ContactState(NamedTuple):
 class Indentation:
     """A rigid indenter and the faces of a mesh that it may touch: those of the top and the outside.
 
-    A node at which both regions meet has a pressure on each.
+    The contact pressure has m nodal values. A node at which both regions meet has one value on each.
 
     Parameters
     ----------
@@ -95,13 +95,13 @@ class Indentation:
     node : (m,) ndarray
         Node of each pressure.
     points : (m, 3) ndarray
-        Its undeformed position in mm.
+        Undeformed position of that node in mm.
     numbers : (B, 6) ndarray
-        Numbers of the pressures at the nodes of each face.
+        Numbers of the pressures at the nodes of each of B faces.
     outside : (m,) ndarray
         1 for a pressure on the outside, 0 on the top.
     area : (m,) ndarray
-        Integral of its linear function, mm².
+        Integral of the linear function of each pressure, mm².
     slack : (m,) ndarray
         Penalty compliance: integrated penetration per pressure, mm³/MPa.
     """
@@ -124,7 +124,8 @@ class Indentation:
 
     @cached_property
     def carried(self) -> sparse.csr_array:
-        """Weights (m, N) in mm² of nodal values in their integral with the linear function of each pressure."""
+        """Matrix (m, N) in mm² that integrates a field: multiplied by its values at N nodes, it gives the integral of
+        the field times the linear function of each pressure."""
         weights = np.einsum("bqh,qa->bha", self._weights, _VALUES)
         columns = np.broadcast_to(self.faces[:, None, :], weights.shape)
         rows = np.broadcast_to(self.numbers[:, :, None], weights.shape)
@@ -146,20 +147,20 @@ class Indentation:
         )
 
     def nodal(self, values: np.ndarray) -> np.ndarray:
-        """Values (m, 3) of the pressures as an array (2 N, 3) over all nodes: of the top, then of the outside; 0 at
-        nodes without a pressure."""
+        """Array (2 N, 3) over all nodes, first on the top, then on the outside, from ``values`` (m, 3) at the
+        pressures; 0 at nodes without a pressure."""
         at_nodes = np.zeros((2, len(self._mesh.points), 3))
         at_nodes[self.outside, self.node] = values
         return at_nodes.reshape(-1, 3)
 
     def at_nodes(self, nodal: np.ndarray) -> np.ndarray:
-        """Values (m, 3) of the pressures, from an array of :meth:`nodal`; zeros for an empty array."""
+        """Values (m, 3) at the pressures, from an array of :meth:`nodal`; zeros for an empty array."""
         if not len(nodal):
             return np.zeros((len(self.node), 3))
         return nodal.reshape(2, -1, 3)[self.outside, self.node]
 
     def _over_nodes(self, of_faces: np.ndarray) -> np.ndarray:
-        """Sums (m,) of values (B, 6) of faces at their nodes."""
+        """Sum (m,), for each pressure, of the values (B, 6) that B faces have at its node."""
         return np.bincount(self.numbers.ravel(), of_faces.ravel(), len(self.node))
 
     def contact_state(
@@ -203,16 +204,16 @@ class Indentation:
         return ContactState(gaps, gap, rate, lift, pressure, 0.0 if traction is None else self.carried.T @ traction)
 
     def rate(self, contact: ContactState, direction: np.ndarray, active: np.ndarray) -> np.ndarray:
-        """Rate (N, 3) in N/mm of the nodal forces as the indenter moves along a ``direction`` (3,), where the pressures
-        with the numbers ``active`` follow the gaps."""
+        """Derivative (N, 3) in N/mm of the nodal forces with respect to a movement of the indenter along ``direction``
+        (3,); the pressures with the numbers ``active`` follow the gaps, all others are constant."""
         pressure_rate = contact.area_normal[active] @ direction / self.slack[active]
         nodal = (contact.rate[active].T @ pressure_rate).reshape(-1, 3)
         np.add.at(nodal, self.faces, np.einsum("bqi,qa->bai", -self._turning(contact) @ direction, _VALUES))
         return nodal
 
     def force_rate(self, contact: ContactState, direction: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """Rate (3,) of the total force as the indenter moves along ``direction`` (3,) and the nodes at a ``rate``
-        (N, 3)."""
+        """Derivative (3,) in N/mm of the total force with respect to a movement of the indenter along ``direction``
+        (3,), while the nodes are displaced at the ``rate`` (N, 3) in mm per mm."""
         pressure_rate = (contact.area_normal @ direction - contact.rate @ rate.ravel()) / self.slack
         turning_force = np.einsum("bqij,bqj->i", self._turning(contact), _VALUES @ rate[self.faces] - direction)
         return np.where(contact.pressure > 0, pressure_rate, 0.0) @ contact.area_normal + turning_force
@@ -225,7 +226,8 @@ class Indentation:
         return nodal
 
     def shape_rate(self, displacement: np.ndarray, moved: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Rate of the nodal forces while the undeformed nodes move, and the indenter with the highest node.
+        """Derivative of the nodal forces with respect to a shape parameter, which moves the undeformed nodes, and the
+        indenter with the highest node.
 
         It is a central difference in which the same nodes stay in contact.
 
@@ -236,12 +238,12 @@ class Indentation:
         moved : (3,) ndarray
             Displacement of the indenter from its start, mm.
         velocity : (N, 3) ndarray
-            Velocity of the nodes.
+            Movement of the undeformed nodes in mm per unit of the parameter.
 
         Returns
         -------
         (N, 3) ndarray
-            Rate of the forces in N per unit of the changed parameter.
+            Derivative of the forces in N per unit of the parameter.
         """
         active = self.contact_state(displacement, moved).pressure > 0
         step = SHAPE_STEP * np.ptp(self._mesh.points[:, 2]) / max(float(np.abs(velocity).max()), np.finfo(float).tiny)
@@ -257,9 +259,9 @@ class Indentation:
         return (nodal_forces(step) - nodal_forces(-step)) / (2 * step)
 
     def stiffness(self, contact: ContactState) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes (n, 6) of the faces in contact, and their stiffness (n, 18, 18) at constant pressures.
+        """Nodes (n, 6) of the n faces in contact, and the stiffness (n, 18, 18) in N/mm of each at constant pressures.
 
-        The directions of the pressures follow the normals of the indenter.
+        It is not zero, because the directions of the pressures follow the normals of the indenter.
         """
         active = (contact.pressure[self.numbers] > 0).any(axis=1)
         turning = self._turning(contact)[active]
@@ -267,7 +269,7 @@ class Indentation:
         return self.faces[active], matrices.reshape(-1, 18, 18)
 
     def _turning(self, contact: ContactState) -> np.ndarray:
-        """Derivative (B, q, 3, 3) in N/mm of the force at each quadrature point with respect to its position, due to
-        the change of the normal."""
+        """Derivative (B, q, 3, 3) in N/mm of the force at each of q quadrature points of B faces with respect to the
+        position of the point, due to the change of the normal."""
         force = np.einsum("bqh,bh->bq", self._weights, contact.pressure[self.numbers])
         return force[:, :, None, None] * contact.gaps.curvature.reshape(*force.shape, 3, 3)

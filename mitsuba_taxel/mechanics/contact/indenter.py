@@ -118,7 +118,9 @@ class Indenter(Kinded):
         except (TypeError, ValueError, OverflowError):
             x = y = math.nan
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise InputError(f"indenter at = {self.at!r} is not allowed: two finite numbers are needed.")
+            raise InputError(
+                f"indenter at = {self.at!r} is not allowed: two finite numbers, x and y in mm, are needed."
+            )
         object.__setattr__(self, "at", (x, y))
         object.__setattr__(self, "digest", self.body.digest() + own_code(type(self.body)))
         self.body.check()

@@ -17,16 +17,16 @@ TINY = np.finfo(float).tiny
 
 
 class Gap(NamedTuple):
-    """Signed distances from an indenter, negative inside.
+    """Signed distances of n points from an indenter, negative inside.
 
     Attributes
     ----------
     size : (n,) ndarray
         Signed distances in mm.
     normal : (n, 3) ndarray
-        Gradient: unit vector out of the indenter.
+        Gradient of each distance: a unit vector that points out of the indenter.
     curvature : (n, 3, 3) ndarray
-        Second derivatives, 1/mm.
+        Second derivatives of each distance, 1/mm.
     """
 
     size: np.ndarray
@@ -51,7 +51,7 @@ class IndenterShape(Kind, family="indenter"):
     ----------
     unbounded : bool
         Whether the body covers a pad wherever it is placed. Such a body has no position and no edge of contact, and
-        touches nodes before points between them.
+        first touches a pad at a node.
     contact_grows : bool
         Whether the contact begins as a point or a line, and grows with the depth; otherwise it begins as a face.
     finer_when_shallow : bool
@@ -168,7 +168,7 @@ class IndenterShape(Kind, family="indenter"):
     def contact_radius(self, depth: float) -> float:
         """Half the width of the contact with a half-space.
 
-        It is limited to the value at the largest depth for which elements are as small as the contact needs.
+        Beyond a largest depth it is constant, so that elements under a deeper body stay as small as at that depth.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def pressure_length(self, depth: float) -> float:
-        """Length over which the pressure changes where it is steepest.
+        """Length over which the contact pressure changes where its gradient is largest.
 
         Parameters
         ----------
@@ -324,7 +324,7 @@ class RoundBody(IndenterShape):
     across : (3, 3) ndarray
         Projection along the axis of a rod; the identity for a ball.
     deepest : float
-        Largest depth, relative to the radius, for which elements are as small as the contact needs.
+        Depth, relative to the radius, beyond which :meth:`contact_radius` is constant.
     """
 
     unbounded = False

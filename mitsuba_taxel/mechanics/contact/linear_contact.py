@@ -9,11 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 PATIENCE = 3
-"""Number of consecutive exchanges of all violated nodes without progress, before single ones are exchanged."""
+"""Number of consecutive exchanges of all violated nodes without progress, after which nodes are exchanged one at a
+time."""
 MOST_EXCHANGES = 300
 SLIP_WEIGHTS = (1.0, 10.0, 0.1)
-"""Weights of slip relative to traction in the test for sliding, relative to the slip by all tractions; tried in
-turn."""
+"""Weights of the slip scale in the test for sliding, relative to the slip that unit forces at all nodes cause; tried in
+turn until the iteration converges."""
 MOST_ITERATIONS = 30
 CONVERGED = 1e-9
 """Largest last change of pressures and tractions, relative to the largest pressure."""
@@ -64,19 +65,20 @@ def pressures(matrix: np.ndarray, offset: np.ndarray, active: np.ndarray) -> np.
 def tractions(matrix: np.ndarray, offset: np.ndarray, friction: float, guess: np.ndarray) -> np.ndarray | None:
     """Contact pressures and tractions with Coulomb friction.
 
-    In y = matrix @ x + offset, the first third are gaps, and the others are slip along two tangents. A traction is at
-    most ``friction`` times the pressure. If it is less, there is no slip; otherwise the slip is opposite to it. The
-    problem is solved by a semismooth Newton method (P. Alart and A. Curnier, Comput. Methods Appl. Mech. Eng. 92,
-    1991).
+    In y = matrix @ x + offset, x holds the pressures at k nodes and their tractions along two tangents, and y the gaps
+    and the slip along these tangents. A traction is at most ``friction`` times the pressure. If it is less, there is no
+    slip; otherwise the slip is opposite to it. The problem is solved by a semismooth Newton method (P. Alart and A.
+    Curnier, Comput. Methods Appl. Mech. Eng. 92, 1991).
 
     Parameters
     ----------
     matrix : (3 k, 3 k) ndarray
-        Gaps, then slip, per pressure, then traction, at k nodes.
+        Derivatives of the gaps, then of the slip (rows), with respect to the pressures, then the tractions (columns),
+        at k nodes.
     offset : (3 k,) ndarray
-        Gaps, then slip, without forces.
+        Gaps, then slip, without contact forces.
     friction : float
-        Coefficient.
+        Coefficient of friction.
     guess : (3 k,) ndarray
         Initial pressures, then tractions.
 
@@ -109,10 +111,9 @@ def _friction_residual(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Residual (3 k,) of Coulomb's law for pressures and tractions, and its derivative (3 k, 3 k) with respect to them.
 
-    ``scales`` (2, k) are a gap and a slip per pressure, which turn gaps and slip into forces in the tests for contact
-    and for sliding.
+    ``scales`` (2, k) are compliances, by which gaps and slip are divided in the tests for contact and for sliding.
     """
-    # Each node is apart, sticks or slides, by its pressure and traction less scaled gap and slip.
+    # Whether each node is open, sticks or slides follows from its pressure and traction, less the scaled gap and slip.
     count = len(offset) // 3
     gap, *slip = (matrix @ forces + offset).reshape(3, count)
     pressure, traction = forces[:count], forces[count:].reshape(2, count)
@@ -122,7 +123,7 @@ def _friction_residual(
     limit = friction * np.maximum(pressure, 0.0)
     sticks = touches & (trial_size < friction * np.maximum(pressure - gap / scales[0], 0.0))
 
-    # Apart, forces are 0. In contact the gap is 0, and where the node sticks, the slip.
+    # Forces on open nodes are 0. In contact the gap is 0; where the node sticks, the slip is 0 too.
     unit = np.eye(3 * count)
     residual, slope = forces.copy(), unit.copy()
     normal = np.flatnonzero(touches)
@@ -131,7 +132,7 @@ def _friction_residual(
         stuck = (axis + 1) * count + np.flatnonzero(sticks)
         residual[stuck], slope[stuck] = slip[axis][sticks], matrix[stuck]
 
-    # Where it slides, the traction is the limit along the direction of the trial.
+    # Where the node slides, the traction has the largest allowed magnitude and the direction of the trial traction.
     direction, sliding = trial / trial_size, np.flatnonzero(touches & ~sticks)
     ratio = (np.minimum(limit, trial_size) / trial_size)[sliding]
     along = [

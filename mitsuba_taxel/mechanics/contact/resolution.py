@@ -170,7 +170,7 @@ def refuse_unresolved(
     if result.size > largest:
         reason = f"their faces are {result.size:.2g} times half the width of its contact"
     elif displacement is not None and result.depth > result.deepest:
-        reason = f"it is inside the pad by {result.depth:.0%} of that depth"
+        reason = f"it penetrates the deformed pad by {result.depth:.0%} of that depth"
     else:
         return
     x, y = np.array(indenter.at) + moved[:2]

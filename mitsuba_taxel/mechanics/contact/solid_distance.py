@@ -22,9 +22,10 @@ NEAR = 3.0
 """Distance in cells up to which the signed distance is exact; farther away, where there is no contact, it is
 approximate."""
 CANDIDATES = 8
-"""Samples near a point whose triangles are compared for the nearest."""
+"""Number of samples near a point whose triangles are searched for the nearest triangle."""
 SAMPLE_SPACING = 0.5
-"""Size in cells of boxes that have one sample each for large distances: thin triangles have very many samples."""
+"""Size, in cells of the grid, of boxes of which each keeps one sample for large distances: thin triangles have very
+many samples."""
 ALIKE = 1e-9
 """Difference in distance, in cells, of triangles that share the nearest point."""
 POINTS_AT_ONCE = 20_000
@@ -71,8 +72,8 @@ class SolidDistance:
         return size + distance_beyond, slope, np.where(distance_beyond[:, None, None] > 0, 0.0, curvature)
 
     def footprint(self, height: float) -> np.ndarray:
-        """Nodes (n, 2) in mm of the grid in x and y that are inside the body at a height in mm above its lowest
-        point."""
+        """Positions (n, 2) in mm of the nodes of the grid in x and y that are inside the body at a height in mm above
+        its lowest point."""
         x, y = (self._first[k] + self.spacing * np.arange(self._counts[k]) for k in (0, 1))
         points = np.stack(np.meshgrid(x, y, [height], indexing="ij"), axis=-1).reshape(-1, 3)
         return points[self.at(points)[0] <= 0, :2]

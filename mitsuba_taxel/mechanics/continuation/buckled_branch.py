@@ -30,7 +30,7 @@ from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN, TIC
 from mitsuba_taxel.mechanics.equilibrium.solution import UNSTABLE, Rejected, Solution
 
 PRECISE = 1e-14
-"""Tolerance of the amplitude for a load, in mm and relative."""
+"""Absolute tolerance in mm, and relative tolerance, of the amplitude that belongs to a load."""
 
 LEAP = 1.0
 """Amplitude, relative to a whole step, up to which the load may fall at the start of a branch; the pad then jumps by
@@ -39,7 +39,7 @@ FALLS = f"{UNSTABLE}: the load falls as the pad buckles"
 
 
 class _Bordered(NamedTuple):
-    """The linearised pad, and the rate of its unknowns with the load."""
+    """The linearised pad, and the derivative of its unknowns with respect to the load."""
 
     tangent: Linearised
     rate: np.ndarray
@@ -50,14 +50,14 @@ class _Bordered(NamedTuple):
 
 
 class BuckledPad:
-    """A pad with a prescribed amplitude of a mode in mm; the load is the last unknown.
+    """A pad for which the amplitude of a buckling mode is prescribed, in mm; the load is the last unknown.
 
     A `LoadSegment` follows it like any other pad, with the amplitude as the value of the load.
 
     Parameters
     ----------
     pad : LoadedPad
-        The part between the mirrors that the mode keeps.
+        The part of the pad between the mirrors under which the mode is symmetric.
     segment : LoadSegment
         The segment at whose end it buckles.
     onset, mode : ndarray
@@ -134,25 +134,27 @@ class BuckledPad:
 
 
 class BuckledBranch:
-    """The states beyond the end of a segment at which a pad buckles, by the distance along that segment.
+    """The states of a buckled pad beyond the end of a segment, as a function of the distance along that segment, which
+    measures the load.
 
     Parameters
     ----------
     pad : LoadedPad
-        The part of the pad between the mirrors that the mode keeps.
+        The part of the pad between the mirrors under which the mode is symmetric.
     segment : LoadSegment
         The segment at whose end the pad buckles.
     onset : tuple[ndarray, ndarray]
-        Displacement (N, 3) and pressure (corners,) of the whole pad at its end.
+        Displacement (N, 3) and pressure (corners,) of the whole pad at the end of the segment.
 
     Attributes
     ----------
     curve : LoadSegment
-        The states by their amplitude in mm.
+        States as a function of the amplitude in mm.
     buckled : BuckledPad
         The pad of that segment.
     onwards : LoadSegment or None
-        The states by their load beyond the end of ``curve``, if the pad continues after it touches something.
+        States as a function of the load beyond the end of ``curve``, if the pad bears more load after it touches
+        something.
     """
 
     def __init__(self, pad: LoadedPad, segment: LoadSegment, onset: tuple[np.ndarray, np.ndarray]) -> None:
@@ -200,11 +202,11 @@ class BuckledBranch:
         return self.load_at(self.curve.limit) if math.isfinite(self.curve.limit) else math.inf
 
     def value(self, s: float) -> np.ndarray:
-        """Value of the load at a distance."""
+        """Value of the load at the distance ``s`` along the segment."""
         return self._segment.value(s)
 
     def reaches(self, s: float) -> bool:
-        """Whether the state at a distance follows from the states by amplitude, without a further solve."""
+        """Whether the state at the distance ``s`` can be interpolated between solved states."""
         return min(self.solved_to, self.limit) >= s
 
     def extend(self, s: float, contact: ContactTest, touched: Callable[[], bool]) -> None:
@@ -238,7 +240,7 @@ class BuckledBranch:
         return float(self.curve.unknowns_at(amplitude)[-1])
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
-        """The state at a distance, which the branch must reach.
+        """The state at a distance along the segment, up to which the branch must have been extended.
 
         Parameters
         ----------
@@ -250,7 +252,7 @@ class BuckledBranch:
         Returns
         -------
         Interpolated
-            The state, with its figures.
+            The state, with its residual, smallest volume ratio and solution time.
 
         Raises
         ------
@@ -278,7 +280,7 @@ class BuckledBranch:
         return float(self.curve.nodes[-1].unknowns[-1])
 
     def _amplitude(self, s: float) -> float:
-        """Amplitude in mm of the state at a distance. If the load has fallen at first, amplitudes of that interval are
+        """Amplitude in mm of the state at a distance. If the load falls at first, the amplitudes of that interval are
         left out."""
         from scipy.optimize import brentq  # here, as only pads that buckle need it
 

@@ -22,7 +22,7 @@ DEPTH_TOLERANCE = 1e-10
 """Relative tolerance of the depth."""
 ROUNDING = 1e-7
 """Relative change of the depth below which the depth is also accepted, if the change no longer falls to half: forces
-are only as exact as the balance of states."""
+are only as accurate as the equilibrium of states."""
 HERTZ = 2 / 3
 """Exponent p of Hertz's contact of a sphere and a half-space, where the depth is proportional to force^p."""
 MOST_SOLVES = 30

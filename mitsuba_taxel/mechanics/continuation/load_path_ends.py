@@ -90,7 +90,7 @@ def end_of_path(
     touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
     hint = ""
     if touched and load.self_contact:
-        hint = " The path may continue on smaller elements."
+        hint = " The path may continue on smaller elements: try a smaller mesh_size."
     elif touched:
         hint = " With self_contact = true the path continues."
     elif folded_at:

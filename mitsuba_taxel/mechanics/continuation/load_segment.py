@@ -78,7 +78,7 @@ class LoadSegment:
     Attributes
     ----------
     ticks : int
-        Number of smallest fractions of a whole step, known from the first node on.
+        Number of ticks, the shortest intervals between nodes, in a whole step; known after the first node is solved.
     limit, reason : float, str
         Distance beyond which there is no state, and the reason; infinite and empty if unknown.
     place : (3,) ndarray
@@ -140,8 +140,8 @@ class LoadSegment:
         self.begin(pad, start)
         solve = pad.solve_symmetric if self.judged else pad.solve_linearised
         while not self.reaches(s) and math.isinf(self.limit) and not far_enough():
-            # The step size: the longest of step / 2^k that begins at the last node and is aligned to its own length,
-            # or that of the last interval, if one of twice its length would not have been interpolated accurately.
+            # The step size is the largest step / 2^k of which the position of the last node is a multiple. If an
+            # interval of twice the last length would not have been interpolated accurately, the last length is kept.
             last, tick = self.nodes[-1], self.tick
             position = round(last.s / tick)
             length = min(position & -position, self.ticks) or TICKS
@@ -324,7 +324,7 @@ class LoadSegment:
         Returns
         -------
         Interpolated
-            The state, with its figures.
+            The state, with its residual, smallest volume ratio and solution time.
 
         Raises
         ------

@@ -23,9 +23,9 @@ from mitsuba_taxel.mechanics.equilibrium.solution import UNSTABLE, Rejected
 from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import TangentBlock, least_mode, tangent_blocks
 
 CLOSE = 1e-5
-"""Tolerance of the load of the onset, relative to a tick."""
+"""Tolerance of the load of the onset, relative to a tick, the shortest interval of the segment."""
 CONVERGED = 1e-5
-"""Change of a mode that ends the iteration for it."""
+"""Change of a mode below which the iteration for the mode ends."""
 MOST_TRIED = 20
 """Largest number of steps of the secant method."""
 ALIKE = 1e-6
@@ -48,7 +48,7 @@ class Onset(NamedTuple):
 
 
 def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
-    """The onset of buckling within a tick beyond the last node of a segment.
+    """The onset of buckling within one tick, the shortest interval, beyond the last node of a segment.
 
     In most cases the mode lacks the symmetry of the state. It may have the symmetry of the state if bodies, which the
     pad does not touch yet, have less symmetry than the state.
@@ -115,12 +115,12 @@ def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
 
 
 def _least_mode(pad: LoadedPad, segment: LoadSegment, block: TangentBlock, node: Node) -> tuple[float, np.ndarray]:
-    """Least eigenvalue of a block at a node, and its mode."""
+    """Least eigenvalue of a block of the tangent at a node of a segment, and its eigenvector."""
     return least_mode(block, _tangent(pad, segment, block, node), CONVERGED)
 
 
 def _tangent(pad: LoadedPad, segment: LoadSegment, block: TangentBlock, node: Node) -> Linearised:
-    """The factored tangent of a block at a node."""
+    """The factored tangent of a block at a node of a segment."""
     value = segment.value(node.s)
     on_part = block.model.part.restrict(*pad.split(node.unknowns))
     entries = block.model.evaluate(*on_part, value).entries

@@ -196,8 +196,8 @@ class PadPath(PathStates):
     def force(
         self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, fraction: float = 1
     ) -> np.ndarray:
-        """Force of the pad in a canonical state: on the plate or indenter if its displacement is prescribed, otherwise
-        on the board.
+        """Force of the pad in a canonical state (see :class:`PathStates`): on the plate or indenter if its displacement
+        is prescribed, otherwise on the board.
 
         Parameters
         ----------
@@ -206,7 +206,7 @@ class PadPath(PathStates):
         displacement : (N, 3) ndarray
             Displacement of the nodes, mm.
         pressure : (corners,) ndarray
-            In MPa, positive in tension.
+            Pressure at each corner of the elements in MPa, positive in tension.
         fraction : float
             See :class:`SelfTouchingPad`.
 

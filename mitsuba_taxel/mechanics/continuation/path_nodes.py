@@ -30,7 +30,8 @@ class Node:
 class Interpolated:
     """A state at or between nodes, its figures, and the seconds that all nodes up to it took.
 
-    ``iterations`` are 0 between nodes; ``stability_checked`` states whether it lies between states that were checked.
+    ``iterations`` is 0 between nodes; ``stability_checked`` states whether the stability of the state, or of the nodes
+    on both sides, was tested.
     """
 
     unknowns: np.ndarray
@@ -83,7 +84,7 @@ def hermite(start: Node, end: Node, s: float) -> np.ndarray:
 
 
 def hermite_rate(start: Node, end: Node, s: float) -> np.ndarray:
-    """Derivative of :func:`hermite` by the distance.
+    """Derivative of :func:`hermite` with respect to the distance ``s``.
 
     Parameters
     ----------

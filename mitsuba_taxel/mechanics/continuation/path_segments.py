@@ -27,7 +27,7 @@ Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
 
 
 def nothing(segment: LoadSegment, pad: Followed) -> None:
-    """No contact: nothing can end this path."""
+    """Search for a contact on a path without obstacles: there is none."""
 
 
 class PathSegments:

@@ -125,7 +125,7 @@ class PathStates(PathProblem):
         displacement : (N, 3) ndarray
             Displacement of the nodes, mm.
         pressure : (corners,) ndarray
-            In MPa, positive in tension.
+            Pressure at each corner of the elements in MPa, positive in tension.
         mirrors : Iterable[Mirror]
             The mirrors.
 
@@ -194,7 +194,7 @@ class PathStates(PathProblem):
         Returns
         -------
         tuple[ndarray, ndarray, Interpolated]
-            (N, 3) mm, (corners,) MPa, and figures.
+            Displacement (N, 3) in mm, pressure (corners,) in MPa, and the figures of the solution.
 
         Raises
         ------
@@ -293,5 +293,5 @@ def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarr
 
 
 def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and pressure in balance near the unknowns of an interpolated state."""
+    """Displacement and pressure in equilibrium near the unknowns of an interpolated state."""
     return pad.split(pad.equilibrium(near, value))

@@ -24,7 +24,7 @@ SHALLOWER, MOST_FINER = 0.25, 3
 
 
 def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
-    """The path on elements that are small along the movement of an indenter to some values in turn.
+    """The load path on a mesh that is fine along the movement of an indenter through a sequence of positions.
 
     Parameters
     ----------
@@ -49,9 +49,10 @@ def _reach(path: PadPath) -> float:
 
 
 def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
-    """The path of an indenter that starts above the position of a value.
+    """The load path of an indenter that starts directly above the position that a value of the load states.
 
-    Path and value do not change if elements are small enough around the start.
+    The given path and value are returned if the position is so close to the start of the indenter that elements are
+    small enough there.
 
     Parameters
     ----------

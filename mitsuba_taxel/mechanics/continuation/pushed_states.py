@@ -28,7 +28,7 @@ SMALL = 1e-3
 
 
 class PushedStates:
-    """States near the state under a normal force.
+    """States under a normal force and a small tangential force, solved from the state under the normal force.
 
     Parameters
     ----------

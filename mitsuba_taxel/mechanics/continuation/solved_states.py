@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 
 FURTHEST_BESIDE = 1.25
 """Tangential distance from a normal force, in steps of the path, up to which the tangent under the normal force is
-tried. With it, one of the paper's domes reaches this distance, and none reaches 1.5."""
+tried. For one of the paper's domes the iteration converges up to this distance, for none up to 1.5."""
 
 
 class SolvedStates:
@@ -106,7 +106,7 @@ class SolvedStates:
         Returns
         -------
         Interpolated
-            The state, with its figures.
+            The state, with its residual, smallest volume ratio and solution time.
 
         Raises
         ------

@@ -25,13 +25,15 @@ class RoofError:
     Attributes
     ----------
     displacement : float
-        Root mean square over the roofs, in mm, by the convergence order of averages.
+        Root mean square error of the displacement over the roofs in mm, extrapolated with the convergence order of
+        averages.
     largest : float
-        Maximum in mm, by the convergence order of maxima.
+        Largest error of the displacement in mm, extrapolated with the convergence order of maxima.
     relative : float
         ``largest``, relative to the largest displacement of any node.
     slope : float
-        Root mean square of the angle between normals, in degrees, by the same order.
+        Root mean square error of the direction of the surface normal in degrees, extrapolated with the convergence
+        order of maxima.
     """
 
     displacement: float
@@ -73,7 +75,7 @@ class ViscoelasticMemory:
     Attributes
     ----------
     time : float
-        In s, since the pad was at rest.
+        Time since the pad was at rest, s.
     stress : Callable
         Function without arguments that computes the overstress.
     overstress : ndarray
@@ -112,7 +114,7 @@ class State(Displayed):
     displacement : (N, 3) ndarray
         Displacement of each node, in mm.
     pressure : (corners,) ndarray
-        In MPa, positive in tension.
+        Pressure at each corner of the elements in MPa, positive in tension.
     min_jacobian : float
         Smallest volume ratio J at the quadrature points of the elements, and at nodes of the cells' walls.
     residual : float

@@ -21,13 +21,13 @@ TOLERANCE = 1e-4
 """Accepted error of a polynomial at the next state, relative to the largest derivative; with that state included, it
 becomes more accurate."""
 FEWEST = 2
-"""Number of first states, before the polynomial is tested."""
+"""Number of states that are solved before the polynomial is tested."""
 STRAIGHT = 1e-9
 """Tolerance of the distance of loads from a line, relative to its length."""
 
 
 def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequence[np.ndarray]]) -> np.ndarray:
-    """K derivatives for each state of a sequence whose loads lie on one line.
+    """K derivatives of each of S states whose loads lie on a straight line.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
         as :func:`linearise` does.
     """
     if not (len(states) and is_row(states, lambda state: isinstance(state, State))):
-        raise refusal("states", states, "a row of States, as load_path returns them,")
+        raise refusal("states", states, "a sequence of States, as load_path returns them,")
     positions = _along(np.array([state.value for state in states]))
     answers: dict[int, np.ndarray] = {}
     while len(answers) < len(np.unique(positions)):

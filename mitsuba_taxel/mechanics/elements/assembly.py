@@ -59,7 +59,7 @@ class Assembly:
     like : Assembly, optional
         Another assembly of the same mesh and material, whose elements it shares.
     linear : (m, q) ndarray, optional
-        Quadrature points where the law is linear; see `Elements`.
+        Mask of the quadrature points where the law is linear, q in each of m elements; see `Elements`.
     """
 
     def __init__(
@@ -97,14 +97,14 @@ class Assembly:
         displacement : (N, 3) ndarray
             Displacements of the nodes in mm.
         pressure : (corners,) ndarray
-            In MPa, positive in tension.
+            Pressure at each corner of the elements in MPa, positive in tension.
         stress_update : StressUpdate, optional
             Isochoric stress of a viscoelastic solid.
 
         Returns
         -------
         InternalForces
-            NaN where an element is inverted.
+            The internal forces and the tangent; NaN if an element is inverted.
         """
         state = self.elements.evaluate(displacement, pressure, with_tangent, stress_update)
         if not state.min_jacobian > 0:

@@ -31,8 +31,8 @@ Result = TypeVar("Result")
 
 # The corners and the centres of the faces: exact to degree 3, which the forces of a homogeneous state need on curved
 # elements. With points at the corners, a volume that shrinks to zero there costs infinite energy. With inner points
-# only, elements would be inverted at corners on the glued rim, where the stress is singular, and smaller elements
-# earlier.
+# only, elements would be inverted at corners on the glued rim, where the stress is singular; the smaller the elements,
+# the smaller the load at which this happens.
 _CORNERS = np.concatenate([np.zeros((1, 3)), np.eye(3)])
 QUADRATURE_POINTS = np.concatenate([_CORNERS, (_CORNERS.sum(axis=0) - _CORNERS) / 3])
 QUADRATURE_WEIGHTS = np.repeat([1 / 40, 9 / 40], 4) / 6
@@ -93,7 +93,7 @@ class SmallStrain:
 
 
 class Elements:
-    """The elements of a mesh, of one material.
+    """The m elements of a mesh of one material, with q quadrature points each.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class Elements:
         displacement : (N, 3) ndarray
             Displacement of the nodes, mm.
         pressure : (corners,) ndarray
-            In MPa, positive in tension.
+            Pressure at each corner of the elements in MPa, positive in tension.
         with_matrices : bool
             Whether tangents are needed.
         stress_update : StressUpdate, optional
@@ -170,7 +170,7 @@ class Elements:
         Returns
         -------
         ElementState
-            State of the elements without matrices if an element is inverted.
+            Forces, volumes and tangents; without tangents if an element is inverted.
         """
         count = len(self.nodes)
         forces, volumes, least = np.empty((count, 10, 3)), np.empty((count, 4)), np.empty(count)
@@ -232,8 +232,8 @@ class Elements:
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
 
     def at_rest(self, here: slice, gradient: np.ndarray) -> tuple[np.ndarray, SmallStrain | None]:
-        """F (m, q, 3, 3) of a slice of elements, with the identity where the law is linear, and the small strain
-        there."""
+        """Deformation gradient F (m, q, 3, 3) of a slice of elements, replaced by the identity where the law is linear,
+        and the small strain there."""
         if self.linear is None or not self.linear[here].any():
             return gradient, None
         at = self.linear[here]

@@ -1,8 +1,8 @@
 """Internal variables of a viscoelastic solid at the quadrature points of its elements.
 
 All stresses here are second Piola-Kirchhoff, in MPa, with six components per point. S is the stress of the
-instantaneous law, Q_i that of a term of the Prony series. S is linear in time over a step or, with a ``growth``, a
-parabola over that, which begins with the rate of S.
+instantaneous law, Q_i that of a term of the Prony series. Within a step, S is linear in time or, if a ``growth`` is
+given, a parabola as a function of that measure of time, whose initial slope is the rate of S.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class StressUpdate:
 
 @dataclass(frozen=True, eq=False)
 class InternalVariables:
-    """The internal variables of a viscoelastic solid at a time.
+    """The internal variables of a viscoelastic solid at a time, for m elements with q quadrature points and k terms.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class InternalVariables:
         part : SymmetricPart
             Part of the mesh that these variables belong to.
         growth : Growth, optional
-            Measure over which S is a parabola.
+            Measure of time as a function of which S is a parabola.
 
         Returns
         -------
@@ -118,7 +118,7 @@ class InternalVariables:
         stress : (m, q, 6) ndarray
             Stress S of the law at the end of the step, MPa.
         growth : Growth, optional
-            Measure over which S is a parabola.
+            Measure of time as a function of which S is a parabola.
 
         Returns
         -------

@@ -41,7 +41,7 @@ class LoadConstraints:
 
 
 def responses(factor: Factorisation, rows: sparse.csr_array, forces: sparse.csr_array) -> np.ndarray:
-    """Displacements under given forces.
+    """Linear combinations of the unknowns under given forces.
 
     Parameters
     ----------

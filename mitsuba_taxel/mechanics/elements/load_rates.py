@@ -37,12 +37,12 @@ def load_rate(
     value : ndarray
         Value of the load.
     velocity : (N, 3) ndarray
-        Velocity of the undeformed nodes.
+        Movement of the undeformed nodes in mm per unit of a parameter.
 
     Returns
     -------
     (N, 3) ndarray
-        Rate of the forces in N per unit of the velocity's parameter.
+        Derivative of the forces in N per unit of that parameter.
     """
     if load.follows_surface:
         faces, rate = wet_faces(mesh), np.zeros_like(displacement)

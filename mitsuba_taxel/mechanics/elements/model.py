@@ -114,7 +114,7 @@ class Model:
         displacement : (n, 3) ndarray
             Displacement of the nodes of the part, mm.
         pressure : (corners,) ndarray
-            In MPa, positive in tension.
+            Pressure at each corner of the elements in MPa, positive in tension.
         value : ndarray
             Value of the load on the whole pad.
         with_tangent : bool
@@ -123,7 +123,7 @@ class Model:
             Isochoric stress of a viscoelastic solid.
         contact_forces : tuple of ndarray, optional
             Pressures (m,) and tractions (m, 3) or None of an indenter, in MPa; by default the pressures of the gaps.
-            In the tangent they are constant: :meth:`constraints` are separate.
+            The tangent treats them as constant; their changes are in :meth:`constraints`.
 
         Returns
         -------

@@ -32,7 +32,7 @@ def internal_forces(
     displacement : (N, 3) ndarray
         Displacement of the nodes, mm.
     pressure : (corners,) ndarray
-        In MPa, positive in tension.
+        Pressure at each corner of the elements in MPa, positive in tension.
     overstress : (m, q, 6) ndarray, optional
         Viscoelastic stress in addition to the stress of the material, MPa.
     linear : (m, q) ndarray of bool, optional

@@ -28,8 +28,8 @@ MOST_THREADS = 4
 """More threads bring no gain for matrices of pads."""
 
 FEW_UNKNOWNS = 50_000
-"""Smaller matrices are ordered by minimum fill, which is quicker; larger ones by nested dissection, which gives less
-fill."""
+"""Number of unknowns below which a matrix is ordered by minimum fill, which is quicker; larger matrices are ordered by
+nested dissection, which gives less fill."""
 
 ANALYSIS_BYTES = 150
 """Memory per entry for the analysis of a pattern, as measured."""
@@ -56,7 +56,7 @@ class Factorisation(Protocol):
         """Solution to a few digits, for use within an iteration."""
 
     def solve_many(self, rhs: np.ndarray) -> np.ndarray:
-        """Solutions for the columns of (n, k)."""
+        """Solutions (n, k) for the k columns of ``rhs`` (n, k)."""
 
 
 class Solver(Protocol):
@@ -84,8 +84,8 @@ class _RslabFactorisation:
 
 
 KEPT_UNKNOWNS = 5_000
-"""Largest matrices whose analyses are cached, some 5 MB each. Studies solve pads that differ in load, material or shape
-only, and the analysis, which depends on the pattern alone, takes as long as a factorisation."""
+"""Largest number of unknowns of matrices whose analyses are cached, some 5 MB each. Studies solve pads that differ in
+load, material or shape only, and the analysis, which depends on the pattern alone, takes as long as a factorisation."""
 _ANALYSED: Recent[Any] = Recent("analysed patterns of matrices", 32)
 
 

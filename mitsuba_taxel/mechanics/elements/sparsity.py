@@ -29,7 +29,7 @@ class Sparsity:
     Attributes
     ----------
     rows, columns : (E,) ndarray of int32
-        Degree of freedom of each entry: 3 of each node, then one of each corner.
+        Degree of freedom of each of E entries: 3 of each node, then one of each corner.
     lower : (E,) ndarray
         Whether it belongs to the lower triangle.
     """

@@ -18,8 +18,7 @@ from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, M
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 CUT = 0
-"""Value that replaces the sign at a wall: displacements are free there, as at a cut, and pressures at its nodes are
-0."""
+"""Value in place of the sign of a wall, at which displacements are free, as at a cut, and pressures are 0."""
 
 
 def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
@@ -66,7 +65,7 @@ def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class SymmetricPart:
-    """The part of a mesh on the kept side of some mirrors.
+    """The part of a mesh on the kept side of some mirrors: n of N nodes, and m elements.
 
     Attributes
     ----------
@@ -81,9 +80,10 @@ class SymmetricPart:
     group : tuple[Mirror, ...]
         The mirrors that define it.
     source : (N,) ndarray
-        Node of the part whose image each node of the whole is.
+        The node of the part of which each node of the whole is a mirror image.
     turn : (N, 3, 3) ndarray
-        Orthogonal matrix from the displacement of that node to the displacement of the node of the whole.
+        Orthogonal matrix that maps the displacement of that node of the part to the displacement of the node of the
+        whole.
     """
 
     mesh: VolumeMesh
@@ -110,7 +110,7 @@ class SymmetricPart:
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
     def element_images(self, whole: VolumeMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Elements of the whole as images of elements of the part.
+        """The M elements of the whole as images of elements of the part.
 
         Parameters
         ----------
@@ -122,9 +122,9 @@ class SymmetricPart:
         element : (M,) ndarray of int
             Element of the part for each element of the whole.
         corner : (M, 4) ndarray of int
-            Corner of that element for each corner.
+            Corner of that element of which each corner of the element of the whole is the image.
         turn : (M, 3, 3) ndarray
-            Orthogonal matrices from vectors there to vectors in the element of the whole.
+            Orthogonal matrices that map vectors in the element of the part to vectors in the element of the whole.
         """
         own, corners = self.mesh.tets[:, :4], self.source[whole.tets[:, :4]]
         of_part, of_whole = (np.lexsort(np.sort(nodes, axis=1).T) for nodes in (own, corners))
@@ -210,7 +210,7 @@ def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
 def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror], dict[Mirror, int]]]:
     """The blocks of the tangent except that of symmetric states.
 
-    The fifth block of a square pad, of its two-dimensional representation, needs the part between two mirrors.
+    The fifth block of a square pad, that of the two-dimensional representation, needs the part between two mirrors.
 
     Parameters
     ----------
@@ -234,8 +234,9 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
 def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
     """Signs at the mirror planes of the symmetric part, for pieces that are cut along all mirror planes but the last.
 
-    A displacement of the whole pad is a displacement of the pieces, and that is the sum of a symmetric and an
-    antisymmetric displacement under the last mirror. The result is empty if this does not reduce the number of blocks.
+    Each displacement of the whole pad is a displacement of the pieces, and each displacement of the pieces is the sum
+    of a symmetric and an antisymmetric displacement under the last mirror. The result is empty if this does not reduce
+    the number of blocks.
     """
     if len(mirrors) < 2:
         return []

@@ -26,7 +26,8 @@ SHARP = 30.0
 
 
 def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndarray | None:
-    """Quadrature points of the elements at which the law is linear: those near the feet of the cells' walls.
+    """Quadrature points of the elements at which the law is linear: those near the feet of the pad's upright outer
+    edges.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def couple_held(
     displacement : (N, 3) ndarray
         Displacement of the nodes, mm.
     pressure : (corners,) ndarray
-        In MPa, positive in tension.
+        Pressure at each corner of the elements in MPa, positive in tension.
     overstress : (m, q, 6) ndarray, optional
         Viscoelastic stress in addition to the stress of the law, MPa.
 

@@ -243,7 +243,8 @@ class IndentedPad(LoadedPad):
         error: float,
         history: History,
     ) -> tuple[float, Configuration]:
-        """Length of a step of unknowns and forces, halved until no element is inverted, and the pad there."""
+        """Length of a step of unknowns and forces, halved until no element is inverted, and the configuration of the
+        pad after the step."""
         length, (step, force_step) = 1.0, change
         for _ in range(MOST_HALVINGS):
             state = self._under_forces(unknowns + length * step, value, forces + length * force_step, False, history)

@@ -45,7 +45,8 @@ class MeshedPad:
     solver : str, optional
         Name of a linear solver; None for the best available.
     ticks : int
-        Result of :func:`ticks_of`: with many ticks, loads below a step are resolved as well as a step.
+        Number of ticks, the smallest fractions of a step, from :func:`ticks_of`. The more there are, the smaller the
+        loads at which the residual is still relative to the load.
     """
 
     solves_between: ClassVar[bool] = False
@@ -282,8 +283,8 @@ class MeshedPad:
 
     @cached_property
     def _small_load(self) -> float:
-        """Scale of the residual for smaller loads: the norm of the load vector of a natural step, or of this number of
-        ticks if they are smaller."""
+        """Least scale of the residual, for small loads: the norm of the load vector of a natural step, or of
+        :data:`TICKS` ticks if these are smaller."""
         zero = np.zeros((len(self.part.mesh.points), 3))
         value = np.zeros(self.load.components)
         value[-1] = self.step

@@ -18,7 +18,7 @@ NATURAL_STRAIN = 0.02
 TICKS = 64
 """Number of smallest fractions of a step, for pads that a step strains as a block."""
 MOST_TURNED = 0.05
-"""Largest displacement gradient by the smallest fraction of a step."""
+"""Largest displacement gradient that the smallest fraction of a step may cause."""
 
 
 def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:

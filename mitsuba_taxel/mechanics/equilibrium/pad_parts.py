@@ -67,7 +67,7 @@ def loaded_pad(
     Returns
     -------
     LoadedPad
-        Pad of which equilibria are solved.
+        The part of the pad, whose equilibria can be solved.
     """
     return new_pad(mesh, material, load, mirrors, mirror_images(mesh, load), bodies, ticks=ticks)
 
@@ -107,7 +107,7 @@ def new_pad(
     Returns
     -------
     LoadedPad
-        Pad of which equilibria are solved.
+        The part of the pad, whose equilibria can be solved.
     """
     indented, arguments = load.moved_indenter is not None, (mesh, material, load, mirrors, images)
     if load.self_contact:

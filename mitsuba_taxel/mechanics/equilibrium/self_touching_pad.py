@@ -21,7 +21,8 @@ from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, L
 from mitsuba_taxel.mechanics.equilibrium.solution import NO_HISTORY, Balanced, History, Rejected
 
 MOST_ITERATIONS = 40
-"""More than without contact, because corners may slide off others during a solve."""
+"""Largest number of Newton iterations: more than without contact, because corners may slide off others during a
+solve."""
 MOST_HALVINGS = 6
 """Number of halvings of a Newton step that does not bring the pad closer to balance."""
 OVERSHOT = 0.5

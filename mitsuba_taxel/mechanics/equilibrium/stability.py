@@ -150,7 +150,7 @@ class _Pieces:
         displacement : (N, 3) ndarray
             Displacement of the nodes, mm.
         pressure : (corners,) ndarray
-            In MPa, positive in tension.
+            Pressure at each corner of the elements in MPa, positive in tension.
 
         Returns
         -------

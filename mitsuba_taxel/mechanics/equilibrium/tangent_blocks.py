@@ -29,8 +29,8 @@ from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 
 Signs = tuple[tuple[Mirror, int], ...]
-"""Mirrors, in an order in which successive averages give the average over the group; 1 for symmetric, -1 for
-antisymmetric."""
+"""Mirrors with the sign of a symmetry type: 1 for displacements that are symmetric under the mirror, -1 for
+antisymmetric ones. Averaging under one mirror after the other, in this order, gives the average over the group."""
 
 
 class TangentBlock:
@@ -249,7 +249,8 @@ def _block(pad: LoadedPad, part: SymmetricPart, signs: Signs) -> TangentBlock:
 
 
 class _Share(NamedTuple):
-    """States of a part that belong to a block: unknowns of the part from unknowns of the block."""
+    """The states of a part that belong to a block: the matrices between unknowns of the part and of the block, and the
+    factored tangent of the block."""
 
     spread: sparse.csr_array
     collect: sparse.csr_array

@@ -67,7 +67,7 @@ def mesh_size_for(pad: AnyPad, material: Material, load: Load, tolerance: float)
             if error <= tolerance:
                 return size
             size /= math.sqrt(2)
-    reached = f"the finest mesh tried, of {size * math.sqrt(2):.2g} mm, has {error:.2g}"
+    reached = f"the finest mesh tried, of {size * math.sqrt(2):.2g} mm, has an error of {error:.2g}"
     if math.isinf(error):
         reached = f"the error of no mesh of at most {MOST_ELEMENTS_TRIED} elements can be estimated"
     raise InputError(f"mesh_tolerance = {tolerance:g} is not allowed: {reached}.")

@@ -101,14 +101,14 @@ def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
 
 
 class RoofComparison:
-    """Comparison of solutions on a mesh with those on a coarser or finer mesh of the same pad.
+    """Comparison of solutions on a mesh of N nodes with those on a coarser or finer mesh of N' nodes of the same pad.
 
     Parameters
     ----------
     mesh, other : VolumeMesh
         Undeformed meshes.
     least : float
-        Least error of the roofs along their displacement, relative to it.
+        Least stated error of the roofs along their displacement, relative to that displacement.
     least_of_force : float, optional
         Least relative error of a force; by default ``least``.
     images : Mapping[Mirror, tuple[ndarray, ndarray]], optional
@@ -142,8 +142,8 @@ class RoofComparison:
 
     @cached_property
     def _walls_there(self) -> tuple[np.ndarray, sparse.csr_array]:
-        """Nodes (W,) of the walls of cells, and weights (W, N') of the other mesh's nodal values for the values at
-        these nodes."""
+        """The W nodes (W,) on the walls of cells, and the weights (W, N') with which values at the N' nodes of the
+        other mesh are interpolated there."""
         nodes = np.unique(self._mesh.faces[_seen(self._mesh)])
         for mirror in self._images:
             nodes = nodes[mirror.side(self._mesh.points[nodes]) >= 0]
@@ -205,7 +205,7 @@ class RoofComparison:
         return max(difference, self._least_of_force * np.linalg.norm(force))
 
     def deviations(self, displacement: np.ndarray, other: np.ndarray, of_force: float = 0.0) -> np.ndarray:
-        """Change of the displacement of the nodes with twice the element size.
+        """Estimated change of the displacement of the nodes if the elements had twice their size.
 
         Parameters
         ----------
@@ -246,12 +246,13 @@ class RoofComparison:
 
 
 def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_array:
-    """Weights (3 P, N) of nodal values for the values at the points, and their derivatives ``along`` two tangents."""
+    """Weights (3 P, N) of the values at N nodes that give the values at P points, and their derivatives ``along`` two
+    tangents."""
     return sparse.vstack([location.weights, *(location.slope_weights(tangent) for tangent in along)], format="csr")
 
 
 def _on_faces(mesh: VolumeMesh, faces: np.ndarray) -> sparse.csr_array:
-    """Weights as of :func:`_on_roofs`, for quadrature points of faces (F, 6) of the mesh itself."""
+    """Weights like those of :func:`_on_roofs`, for the quadrature points of F faces (F, 6) of the mesh itself."""
     weights = np.stack([shape_functions(_BARYCENTRIC), *shape_slopes(_BARYCENTRIC)])
     shape = (len(weights), len(faces), len(_BARYCENTRIC), faces.shape[1])
     nodes = np.broadcast_to(faces[:, None], shape).ravel()
@@ -261,7 +262,7 @@ def _on_faces(mesh: VolumeMesh, faces: np.ndarray) -> sparse.csr_array:
 
 
 def _parts(weights: sparse.csr_array, displacement: np.ndarray) -> np.ndarray:
-    """Displacement in mm at points of the roofs, and its derivatives along two tangents, (3, P, 3)."""
+    """Displacement in mm at P points of the roofs and its derivatives along two tangents, together (3, P, 3)."""
     return (weights @ displacement).reshape(3, -1, 3)
 
 

@@ -35,7 +35,7 @@ from mitsuba_taxel.mechanics.memory_of_pads import refuse_too_large
 FINER = (COARSENING**-0.75, COARSENING**-1, COARSENING**-1.5, COARSENING**-2)
 """Sizes of a second mesh, relative to the first, that are tried where a mesh of twice the size gives no error estimate:
 thin walls and curves limit the mesher, and a coarse pad may not bear a load. For elements larger than the default, the
-default size is tried first, and these are relative to it."""
+default size is tried first, and these ratios are relative to it."""
 LITTLE_FINER = COARSENING**-0.5
 """Relative size that is tried first under an indenter, where elements are already small and numerous."""
 BETWEEN = 0.8

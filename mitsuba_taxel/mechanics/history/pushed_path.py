@@ -27,7 +27,8 @@ from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory
 FORCE_TOLERANCE = 1e-6
 """Relative tolerance of the force."""
 POSE_TOLERANCE = 1e-3
-"""Relative difference of the indenter's displacement by which a time interval and its two halves may differ."""
+"""Largest relative difference between the displacements of the indenter computed in one time interval and in its two
+halves."""
 MOST_HALVINGS = 40
 """Largest number of successive halvings of a time interval: a time at which the indenter jumps ends the path."""
 MOST_POSES = 30

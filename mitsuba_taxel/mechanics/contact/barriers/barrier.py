@@ -21,17 +21,17 @@ from mitsuba_taxel.pads.regions import REGIONS
 REACH = 2e-3
 """Largest distance at which walls repel each other, relative to the pad's height."""
 REACH_AT_REST = 0.5
-"""Upper limit of the same, relative to the smallest distance of two triangles of the undeformed pad without a common
-corner."""
+"""Upper limit of that distance, relative to the smallest distance between two triangles of the undeformed pad that
+share no corner."""
 APPROACH = 0.9
 """Fraction of the distance to a collision that a step may use."""
 CLOSE = 0.99
-"""Fraction of a distance up to which collisions are detected; `APPROACH` is below it."""
+"""Fraction of the way to a collision at which the search for collisions stops; larger than `APPROACH`."""
 
 _QUARTERS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
 _FOURTHS = np.array([[4 - i - j, i, j] for i in range(5) for j in range(5 - i)]) / 4
 _POINTS = shape_functions(_FOURTHS)
-"""Shape functions (15, 6) at the points of a face that are kept above the board."""
+"""Values (15, 6) of the six shape functions of a face at its 15 points that are kept above the board."""
 
 
 class Barrier:
@@ -84,7 +84,7 @@ class Barrier:
         self._weight = modulus * area[face] / len(_POINTS)
 
     def gap(self, displacement: np.ndarray) -> float:
-        """Smallest distance in mm of triangles without a common corner, at most the reach."""
+        """Smallest distance in mm between two triangles that share no corner; at most the reach."""
         positions, collisions = self._near(displacement)
         return (
             float(np.sqrt(collisions.compute_minimum_distance(self._mesh, positions)))
@@ -93,8 +93,8 @@ class Barrier:
         )
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Nodal contact forces (N, 3) in N: between parts of the pad, and of the board on nodes that are not glued to
-        it."""
+        """Contact forces on the N nodes, two arrays (N, 3) in N: those between parts of the pad, and those of the board
+        on nodes that are not glued to it."""
         own, board = np.zeros_like(displacement), np.zeros_like(displacement)
         positions, collisions = self._near(displacement)
         own[self._nodes] = -self._potential.gradient(collisions, self._mesh, positions).reshape(-1, 3)
@@ -104,9 +104,11 @@ class Barrier:
         return own, board
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """Negative derivative (3 N, 3 N) in N/mm of the forces with respect to the displacement.
+        """Contact stiffness (3 N, 3 N) in N/mm: the negative derivative of the forces on N nodes with respect to their
+        displacement.
 
-        Forces that turn about a corner have negative eigenvalues; with ``steady``, these are set to 0 for each pair.
+        Forces that change their direction about a corner cause negative eigenvalues. With ``steady``, the negative
+        eigenvalues of each pair of touching triangles, edges or points are set to 0.
 
         Parameters
         ----------
@@ -158,15 +160,15 @@ class Barrier:
         return min(fraction if fraction >= 1 else APPROACH * fraction, to_board)
 
     def _repulsion(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """First and second derivatives, each (p,), of -(z / r - 1)^2 r log(z / r) with respect to the height z of
-        points below the reach r."""
+        """First and second derivatives, each (p,), of the barrier potential -(z / r - 1)^2 r log(z / r) with respect to
+        the height z of each of p points above the board; r is the reach, beyond which they are 0."""
         z = np.minimum(self._height(displacement) / self.reach, 1.0)
         first = 2 * (1 - z) * np.log(z) - (1 - z) ** 2 / z
         second = -2 * np.log(z) + 4 * (1 - z) / z + (1 - z) ** 2 / z**2
         return first, second / self.reach
 
     def _height(self, displacement: np.ndarray) -> np.ndarray:
-        """Height (p,) in mm of points of the faces above the board."""
+        """Height (p,) in mm of p points of the faces above the board."""
         return self._over @ (self._points + displacement)[:, 2] - self._board
 
     def _places(self, displacement: np.ndarray) -> np.ndarray:

@@ -15,12 +15,12 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
 
 CONVEX, COINCIDENT = 1e-5, 1e-6
-"""Tolerances of the volume of a convex body, relative to its hull, and of points in a plane, relative to the largest
-coordinate: corners in a scene are in single precision."""
+"""Tolerances for corners in single precision: of the volume of a convex body, relative to that of its convex hull, and
+of the distance of a point from a plane, relative to the largest coordinate."""
 
 
 def body_of_each(triangles: np.ndarray) -> np.ndarray:
-    """Number (K,) of the body of each triangle; triangles that share a corner belong to one body.
+    """Number (K,) of the body to which each of K triangles belongs; triangles that share a corner belong to one body.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def body_of_each(triangles: np.ndarray) -> np.ndarray:
     Returns
     -------
     (K,) ndarray of int
-        Numbers from 0 on.
+        Number of the body of each triangle, from 0.
     """
     number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
     sides = number[:, [0, 1]].ravel(), number[:, [1, 2]].ravel()
@@ -45,19 +45,19 @@ class RigidBodies:
     Attributes
     ----------
     corners : bytes
-        Corners of the triangles (K, 3, 3), in mm in the frame of the pad.
+        Bytes of the array (K, 3, 3) of the corners of K triangles, in mm in the frame of the pad.
     """
 
     corners: bytes
 
     @cached_property
     def triangles(self) -> np.ndarray:
-        """Corners (K, 3, 3) in mm."""
+        """Corners (K, 3, 3) of the K triangles in mm."""
         return np.frombuffer(self.corners).reshape(-1, 3, 3)
 
     @cached_property
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points (P, 3) in mm and triangles (T, 3).
+        """P vertices (P, 3) in mm, and the vertex numbers (T, 3) of T triangles.
 
         The faces of a convex body are triangulated again, so that the triangles have the symmetries of the body.
         """
@@ -87,7 +87,7 @@ class RigidBodies:
 
 
 class _Part(NamedTuple):
-    """Points (P, 3) and triangles (T, 3) of one body."""
+    """P vertices (P, 3) in mm and the vertex numbers (T, 3) of T triangles of one body."""
 
     points: np.ndarray
     triangles: np.ndarray

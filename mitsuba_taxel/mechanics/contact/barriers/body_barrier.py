@@ -154,8 +154,8 @@ class BodyBarrier:
         return np.asfortranarray(np.concatenate([self._interpolation @ (self._points + displacement), self._corners]))
 
     def _near(self, displacement: np.ndarray) -> tuple[np.ndarray, Any]:
-        """Positions of pad and bodies, and the pairs of points, edges and triangles within the reach; the last are
-        cached."""
+        """Positions of pad and bodies, and the pairs of points, edges and triangles within the reach; the latest result
+        is cached."""
         positions, last = self._places(displacement), self._last
         if not np.array_equal(positions, last[0]):
             collisions = self._ipc.NormalCollisions()
@@ -165,9 +165,11 @@ class BodyBarrier:
         return last
 
     def _pairs(self, low: np.ndarray, high: np.ndarray, margin: float) -> Any:
-        """Candidate pairs of a point, edge or triangle of the pad and one of a body, whose boxes overlap.
+        """Candidates for contact: pairs of a point, edge or triangle of the pad and a point, edge or triangle of a body
+        whose bounding boxes overlap.
 
-        Boxes have a ``margin`` in mm around the lowest and highest positions of the points (P, 3).
+        Boxes enclose the lowest and highest positions ``low`` and ``high`` (P, 3) of the P points, with a ``margin``;
+        all in mm.
         """
         count = self._interpolation.shape[0]
         boxes = self._pad_facets.boxes(low[:count] - margin, high[:count] + margin)
@@ -183,8 +185,8 @@ class BodyBarrier:
 
 
 class _Facets:
-    """Triangles (K, 3), their sides (S, 2) and points: those of the pad, or those of the bodies, in the collision mesh,
-    with the first number of each kind."""
+    """The K triangles (K, 3), their S sides (S, 2) and their points, of the pad or of the bodies, and the number of the
+    first of each kind in the collision mesh."""
 
     def __init__(self, triangles: np.ndarray, first_point: int, first_side: int, first_triangle: int) -> None:
         sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -192,8 +194,8 @@ class _Facets:
         self._first = {"points": first_point, "sides": first_side, "triangles": first_triangle}
 
     def boxes(self, low: np.ndarray, high: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
-        """Lowest and highest corners (n, 3) of the boxes of all points, sides and triangles, and their first
-        numbers."""
+        """For the keys "points", "sides" and "triangles": lowest and highest corners (n, 3) of their n bounding boxes,
+        and the number of the first."""
         boxes = {"points": (low, high, self._first["points"])}
         for kind, members in (("sides", self.sides), ("triangles", self.triangles)):
             lowest = np.minimum.reduce([low[column] for column in members.T])
@@ -203,7 +205,8 @@ class _Facets:
 
 
 class _Fixed(NamedTuple):
-    """Boxes that do not move, with their tree and first number."""
+    """Bounding boxes of the points, sides or triangles of the bodies, which do not move: search tree, levels, and
+    number of the first."""
 
     tree: BoxTree
     levels: list[Level]
@@ -218,7 +221,8 @@ class _Fixed(NamedTuple):
 def _overlapping(
     pair: Callable[[int, int], Any], own_boxes: tuple[np.ndarray, np.ndarray, int], fixed: _Fixed
 ) -> list[Any]:
-    """Candidates made by ``pair`` of each two boxes that overlap."""
+    """Results of ``pair(i, j)`` for each item i of the pad whose bounding box overlaps that of an item j of the
+    bodies."""
     (low, high, first), ((lowest,), (highest,)) = own_boxes, fixed.levels[0]
     candidates = np.flatnonzero((low <= highest).all(axis=1) & (high >= lowest).all(axis=1))
     if not len(candidates):

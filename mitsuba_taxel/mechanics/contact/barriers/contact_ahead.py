@@ -15,16 +15,17 @@ NEAR = 0.2
 FIRST = 1e-4
 """Largest movement of a node in the first step of the search, relative to the height of the pad."""
 DOUBLINGS, HALVINGS = 12, 12
-"""Steps of the search for an interval, and within it: a nearby contact is found to 2.5e-8 of the height."""
+"""Number of doublings of the searched interval until it contains a contact, and of halvings after that: a nearby
+contact is found to 2.5e-8 of the height."""
 
 
 class ContactAhead:
-    """First contact of a deformed pad near a point, while its nodes move in straight lines.
+    """Search for the first contact of a deformed pad near a point, while its nodes move in straight lines.
 
     Parameters
     ----------
     displacement, rate : (N, 3) ndarray
-        Displacement of the nodes, in mm, and its rate with a load.
+        Displacement of the nodes in mm, and its derivative with respect to the load.
     point : Place
         Expected point of contact in the deformed pad, mm.
     """

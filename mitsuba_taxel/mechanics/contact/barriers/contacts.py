@@ -20,7 +20,7 @@ SHAPE_STEP = 1e-4
 
 
 class Contacts:
-    """The barriers of a pad.
+    """All contact barriers of a pad: against itself, the board and rigid bodies.
 
     Parameters
     ----------
@@ -41,18 +41,19 @@ class Contacts:
         self._longest_step = LONGEST_STEP * float(np.ptp(mesh.points[:, 2]))
 
     def forces(self, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Nodal contact forces (N, 3) in N: between parts of the pad, and from the board and the bodies."""
+        """Contact forces on the N nodes, two arrays (N, 3) in N: those between parts of the pad, and those of the board
+        and the bodies."""
         own, external = self._own.forces(displacement)
         return own, external if self._bodies is None else external + self._bodies.forces(displacement)
 
     def all_forces(self, displacement: np.ndarray) -> np.ndarray:
-        """Sum (N, 3) in N of the forces of the pad on itself, and of the board and the bodies on it."""
+        """Total contact force (N, 3) in N on each of the N nodes, from the pad itself, the board and the bodies."""
         own, external = self.forces(displacement)
         return own + external
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """Negative derivative (3 N, 3 N) in N/mm of the forces with respect to the displacement; without negative
-        eigenvalues of any pair if ``steady``.
+        """Contact stiffness (3 N, 3 N) in N/mm: the negative derivative of the forces on N nodes with respect to their
+        displacement; without negative eigenvalues of any pair if ``steady``.
 
         Parameters
         ----------
@@ -70,21 +71,21 @@ class Contacts:
         return own if self._bodies is None else own + self._bodies.stiffness(displacement, steady)
 
     def shape_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Rate of all forces at constant displacements while the undeformed nodes move.
+        """Derivative of the total contact forces with respect to a shape parameter, at constant displacements.
 
-        The rate is a central difference, because areas and the reach change too.
+        It is a central difference, because areas and the reach change too.
 
         Parameters
         ----------
         displacement : (N, 3) ndarray
             Displacement of the nodes, mm.
         velocity : (N, 3) ndarray
-            Velocity of the nodes.
+            Movement of the undeformed nodes in mm per unit of the parameter.
 
         Returns
         -------
         (N, 3) ndarray
-            Rate of the forces in N per unit of the changed parameter.
+            Derivative of the forces in N per unit of the parameter.
         """
         fastest = float(np.abs(velocity).max(initial=0.0))
         if fastest == 0:

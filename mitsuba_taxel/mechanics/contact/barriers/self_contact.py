@@ -150,7 +150,7 @@ class ContactTest:
         return None
 
     def _close(self, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of faces whose boxes overlap and of which at least one is chosen, each pair once."""
+        """Pairs of faces whose boxes overlap, each pair once, without pairs of two faces that are not tested."""
         levels = self._levels(patches)
         if self._chosen.all():
             return self._tree.overlapping(levels)
@@ -163,7 +163,7 @@ class ContactTest:
 
     @cached_property
     def _chosen_tree(self) -> tuple[np.ndarray, BoxTree]:
-        """Numbers of the chosen faces, and their tree."""
+        """Numbers of the tested faces, and their search tree."""
         numbers = np.flatnonzero(self._chosen)
         return numbers, BoxTree(self._points[self._faces[numbers, :3]].mean(axis=1))
 
@@ -176,12 +176,13 @@ class _Neighbours:
     faces : (F, 6) ndarray
         Nodes of the faces.
     chosen : (F,) ndarray of bool
-        Pairs without a chosen face are left out of ``pairs``.
+        Whether each face is tested; pairs of two other faces are left out of ``pairs``.
 
     Attributes
     ----------
     pairs : dict[str, tuple[ndarray, ndarray]]
-        By "vertex" and "edge", the nodes (n, 6) of both faces, rotated so that the shared vertex or edge comes first.
+        For the keys "vertex" and "edge": the nodes (n, 6) of the first and of the second face of each of n pairs,
+        numbered from the shared vertex or edge.
     """
 
     def __init__(self, faces: np.ndarray, chosen: np.ndarray) -> None:
@@ -210,20 +211,20 @@ class _Neighbours:
 
 
 def _common_columns(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (n,), (n,) of the number that each row of one array (n, 3) has in common with the same row of the
-    other."""
+    """For each of n rows of two arrays (n, 3): the columns (n,) in the first and in the second array of a number that
+    both rows contain."""
     i, j = np.divmod((first[:, :, None] == second[:, None]).reshape(-1, 9).argmax(axis=1), 3)
     return i, j
 
 
 def _rotated(faces: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Nodes of faces (n, 6) with their corners and edges counted from the corner ``first`` (n,)."""
+    """Nodes (n, 6) of n faces, with the corners and edges of each counted from its corner ``first`` (n,)."""
     corners = (first[:, None] + np.arange(3)) % 3
     return np.take_along_axis(faces, np.concatenate([corners, 3 + corners], axis=1), axis=1)
 
 
 class _Obstacles:
-    """Closed surfaces at rest, as patches (3, 6, K) that are flat."""
+    """Closed surfaces of rigid obstacles, as K flat six-node patches (3, 6, K)."""
 
     def __init__(self, triangles: np.ndarray) -> None:
         triangles = np.asarray(triangles, dtype=float)
@@ -261,8 +262,8 @@ class _Obstacles:
 
 
 def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
-    """Mask (K,): whether a ray from each of ``points`` (3, K) down along z certainly meets no patch, so that the point
-    is outside."""
+    """Mask (K,): whether a ray from each of K ``points`` (3, K) down along z certainly meets no patch, so that the
+    point is outside."""
     low, high = patches.min(axis=1)[:, None], patches.max(axis=1)[:, None]
     x, y, z = points[:, :, None]
     beside = (x < low[0]) | (x > high[0]) | (y < low[1]) | (y > high[1])
@@ -270,7 +271,7 @@ def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
 
 
 def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarray:
-    """Mask (K,): whether each of ``points`` (3, K) is inside the closed surface of ``patches``.
+    """Mask (K,): whether each of K ``points`` (3, K) is inside the closed surface of ``patches``.
 
     A ray from an inner point crosses the surface an odd number of times. Each patch that the ray may meet is
     approximated by 16 flat triangles.
@@ -289,15 +290,16 @@ def _within(points: np.ndarray, patches: np.ndarray, tree: BoxTree) -> np.ndarra
 
 
 def _boxes(patches: np.ndarray, margin: float) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest corners (n, 3) of boxes around patches, with a margin in mm."""
+    """Lowest and highest corners (n, 3) of bounding boxes of n patches, with a margin in mm."""
     return patches.min(axis=1).T - margin, patches.max(axis=1).T + margin
 
 
 def _first_below(patches: np.ndarray, strip: float, tolerance: float) -> Place | None:
-    """A point of patches (4, 6, n) below the board; None if there is none.
+    """A point at which one of n patches (4, 6, n) is below the board; None if there is none.
 
-    Where the fourth coordinate, the distance beyond the strip, is positive, a point must be above ``tolerance``, else
-    above -``strip``. Patches are subdivided until this is decided.
+    The fourth coordinate is the distance from the strip beside singular edges. Where it is positive, a point is below
+    the board if its height is at most ``tolerance``, elsewhere if it is at most -``strip``. Patches are subdivided
+    until this is decided.
     """
     while patches.size:
         below = (patches[2, :3] <= np.where(patches[3, :3] > 0, tolerance, -strip)).any(axis=0)

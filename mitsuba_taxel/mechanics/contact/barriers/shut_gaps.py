@@ -18,7 +18,8 @@ SHUT = 2.0
 """Width of gaps that are closed, relative to the reach of the barrier: between the points in contact, the curved faces
 of elements are up to one reach further from a flat package."""
 LEAST = 0.25
-"""Least distance from a body, relative to that width: a pad that is displaced by its error may be closer, or inside."""
+"""Distance from a body to which closer points are moved, relative to the width of closed gaps: a pad that is displaced
+by its estimated error may be closer, or inside the body."""
 ALIKE = 1e-9
 """Tolerance in mm of distances from triangles that share the nearest point."""
 POINTS_AT_ONCE = 4096

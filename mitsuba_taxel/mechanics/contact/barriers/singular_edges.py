@@ -21,7 +21,7 @@ RIGHT_ANGLE_TOLERANCE = 5.0
 """Deviation in degrees within which an angle counts as right."""
 
 CREASE = 150.0
-"""Angle of air in degrees at an inner edge of the undeformed pad, below which the edge is singular."""
+"""Angle in degrees, on the side of the air, below which an inner edge of the undeformed pad is singular."""
 
 
 @kept(4)  # several tests of contact share a mesh
@@ -81,7 +81,8 @@ def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
 
 
 def shared_edges(mesh: VolumeMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Edges between two faces of the surface: (E, 3) corners and middle node, and (E, 2) numbers of the faces."""
+    """The E edges between two faces of the surface: their corners and middle node (E, 3), and the numbers (E, 2) of the
+    two faces."""
     sides = mesh.faces[:, [[i, j, k] for k, (i, j) in enumerate(FACE_EDGES, start=3)]].reshape(-1, 3)
     order = np.argsort(sides[:, 2], kind="stable")
     first, second = order[:-1], order[1:]
@@ -91,7 +92,7 @@ def shared_edges(mesh: VolumeMesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _singular_edges(mesh: VolumeMesh) -> np.ndarray:
-    """Corners (E, 3) and middle node of singular edges."""
+    """Corners and middle node (E, 3) of each of E singular edges."""
     edges, faces = shared_edges(mesh)
     first, second = faces.T
     glued = mesh.face_region[first] == REGIONS["bottom"], mesh.face_region[second] == REGIONS["bottom"]
@@ -119,7 +120,7 @@ def rim_corners(mesh: VolumeMesh, region: str, least_turn: float) -> np.ndarray:
     Returns
     -------
     (k,) ndarray of int
-        Nodes.
+        Numbers of the k nodes at these corners.
     """
     edges, faces = shared_edges(mesh)
     regions = np.sort(mesh.face_region[faces], axis=1)

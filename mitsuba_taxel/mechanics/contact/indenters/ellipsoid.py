@@ -15,7 +15,7 @@ from mitsuba_taxel.mechanics.contact.indenter_shape import ALONG, Gap, IndenterS
 from mitsuba_taxel.parameters import REQUIRED, Number
 
 DEEPEST = 0.25
-"""Largest depth, relative to the smallest semi-axis, for which elements are as small as the contact needs."""
+"""Depth, relative to the smallest semi-axis, beyond which the contact radius for the choice of elements is constant."""
 NEAREST = 1e-12
 """Least coordinate of a point, relative to a semi-axis: in the planes of symmetry deep inside, the nearest point of the
 surface is not unique."""
@@ -91,7 +91,7 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
         scaled = y / (t[:, None] + squares)
         length = np.linalg.norm(scaled, axis=1)
         normal = scaled / length[:, None]
-        # Derivatives of t, of the scaled position and of its direction, by y.
+        # Derivatives of t, of the scaled position and of its direction with respect to y.
         slope = squares * scaled / (t[:, None] + squares)
         slope /= (slope * scaled).sum(axis=1)[:, None]
         inverse = 1 / (t[:, None] + squares)
@@ -110,7 +110,7 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
 
     @cached_property
     def _hertz(self) -> tuple[float, float]:
-        """Semi-axes of the contact, the larger one first, by the root of the depth in mm."""
+        """Larger and smaller semi-axis of the contact ellipse, divided by the square root of the depth, in mm^(1/2)."""
         from scipy.optimize import brentq
         from scipy.special import ellipe, ellipk
 
@@ -128,7 +128,7 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
         return larger, larger * math.sqrt(1 - m)
 
     def _contact(self, depth: float) -> tuple[float, float]:
-        """Semi-axes in mm of the contact with a half-space at a depth."""
+        """Larger and smaller semi-axis in mm of the contact with a half-space at a depth in mm."""
         root = math.sqrt(min(depth, DEEPEST * float(self.semi_axes.min())))
         larger, smaller = self._hertz
         return larger * root, smaller * root

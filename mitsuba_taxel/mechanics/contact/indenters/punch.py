@@ -14,11 +14,12 @@ from mitsuba_taxel.mechanics.contact.indenter_shape import ALONG, TINY, Gap, Ind
 EDGE = 0.1
 """Default radius of the edge, relative to that of the punch."""
 EDGE_FINENESS = 0.25
-"""Length over which the pressure changes at the edge, where it is high, relative to the radius."""
+"""Length over which the high pressure at the edge changes, relative to the radius of the punch."""
 
 
 class Punch(IndenterShape, name="punch", rank=1):
-    """A rod with a flat end: a core that is thinner by the edge's radius, offset by that radius."""
+    """A rod with a flat end and a rounded edge: a thinner rod with a sharp edge, offset outwards by the radius of the
+    edge."""
 
     meaning = "the flat end of a round rod, with a rounded edge"
     uses = ("radius", "angle", "tilt", "edge_radius")

@@ -55,7 +55,8 @@ class Load(Kind, family="load"):
     dead : bool
         Whether it is a force that is distributed over the undeformed top by `nodal`, and keeps its direction.
     loads_rim : bool
-        Whether corners of the free top are loaded, which may become unstable alone.
+        Whether corners of a free top are loaded; the silicone at a corner may become unstable before the rest of the
+        pad.
     indenter : Indenter or None
         The rigid body in contact: its displacement is the value, or follows from it as ``driven``.
     position : tuple of str
