@@ -127,7 +127,7 @@ def bulge(patches: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     patches : (3, 6, n) ndarray
-        Coordinates of control points, mm.
+        Coordinates of the control points of n patches, mm.
 
     Returns
     -------
@@ -144,7 +144,7 @@ def quarters(patches: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     patches : (k, 6, n) ndarray
-        Control points of k coordinates.
+        Control points, of k coordinates each, of n patches.
 
     Returns
     -------

@@ -100,8 +100,8 @@ def _halves(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Halve the simplices that have an edge in ``keys``; the others stay whole.
 
-    Returned are the corners (P, n) of the pieces, their barycentric coordinates (P, n, n) in the parents, and the
-    numbers (P,) of the parents.
+    Returned are the n corners (P, n) of each of P pieces, their barycentric coordinates (P, n, n) in the parents, and
+    the numbers (P,) of the parents.
     """
     ends = np.sort(simplices[:, np.array(pairs)], axis=2)
     own = ends[..., 0] * count + ends[..., 1]

@@ -16,7 +16,7 @@ _STEPS = (0.4, 0.2, 0.1, 0.05)
 FLAT = 0.1
 """Volume of an element, relative to the median around a node, that counts as undistorted."""
 TINY = 1e-6
-"""Least gain of a step."""
+"""Least gain of the quality for which a step is accepted."""
 
 
 def untangled(mesh: VolumeMesh, least: float, sweeps: int = 8) -> VolumeMesh:

@@ -75,8 +75,8 @@ def _face_on_rectangle(matrix: np.ndarray, flipped: bool, name: str, size: tuple
         raise InputError(f"{PLUGINS[name]}: the rectangle that carries it is sheared; its sides must be perpendicular.")
     if any(extent > 2 * h * (1 + 1e-5) for extent, h in zip(size, half, strict=True)):
         raise InputError(
-            f"{PLUGINS[name]}: {size[0]:g} x {size[1]:g} mm do not fit on its rectangle, "
-            f"{2 * half[0]:g} x {2 * half[1]:g} mm."
+            f"{PLUGINS[name]}: {size[0]:g} x {size[1]:g} mm do not fit on its rectangle, {2 * half[0]:g} x "
+            f"{2 * half[1]:g} mm: scale the rectangle up."
         )
     normal = np.linalg.inv(matrix[:3, :3]).T[:, 2]
     normal /= np.linalg.norm(normal) * (-1 if flipped else 1)

@@ -19,7 +19,7 @@ Rectangle = tuple[float, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class BoxFaces:
-    """Rectangles on the faces of a box.
+    """R rectangles on the faces of a box.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class BoxFaces:
         return np.ceil(np.linalg.norm(self.sides, axis=2) / longest * (1 - THIN)).astype(int)
 
     def positions(self, cuts: np.ndarray) -> np.ndarray:
-        """Positions (G, 15, 3) in mm of patches, two triangles for each part of a rectangle."""
+        """Positions (G, 15, 3) in mm of the points of G patches, two triangles for each part of a rectangle."""
         patches = [np.empty((0, len(LATTICE), 3))]
         for corner, sides, (across, along) in zip(self.corner, self.sides, cuts, strict=True):
             u, v = sides / ((across,), (along,))

@@ -1,10 +1,11 @@
 """The reading of one cell and its derivatives, by one linear system and its adjoint.
 
 Let W(x) be the response of the phototransistor to a watt that falls on the walls at x. It receives D(x) directly, and
-the rest via other walls: W = D + K W. With the power B of the LED on the walls, the reading is P = B . W. With the
-adjoint A = B + K^T A, it changes by dP = dB . W + A . (dD + dK W). W is solved for at the points of a quadrature rule
-on each patch (Nystrom's method), and interpolated by a polynomial in between. Source: K. E. Atkinson, The Numerical
-Solution of Integral Equations of the Second Kind, Cambridge University Press, 1997.
+the rest via other walls: W = D + K W, where K is the exchange of light between walls. With the power B of the LED on
+the walls, the reading is P = B . W. With the adjoint A = B + K^T A, it changes by dP = dB . W + A . (dD + dK W). W is
+solved for at the points of a quadrature rule on each patch (Nystrom's method), and interpolated by a polynomial in
+between. Source: K. E. Atkinson, The Numerical Solution of Integral Equations of the Second Kind, Cambridge University
+Press, 1997.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class ScatteringWalls:
     Attributes
     ----------
     positions, rest : (F, 15, 3) ndarray
-        Deformed and undeformed positions in mm.
+        Deformed and undeformed positions of the 15 points of each of F patches, mm.
     isotropic, lambertian : (F,) ndarray
         Fraction of the incident light that each patch scatters with this law.
     of_box : int
@@ -77,15 +78,15 @@ class Mesh:
     Attributes
     ----------
     own : (T,) ndarray
-        Number of the patch on which each target lies.
+        Number of the patch on which each of T targets lies.
     targets : PatchPoints
-        The points at which W is solved for.
+        The T points at which W is solved for.
     pairs : Pairs
-        Pairs of each target with the points of the integral over all patches.
+        N pairs of a target with a point of the integral over all patches.
     first_pairs : (T + 1,) ndarray
         Number of the first pair of each target; the last entry is the number of pairs.
     interpolation : (P, T) csr_matrix
-        Weights of the values of W at the targets for the value at each point of the integrals.
+        Weights with which values of W at the targets are interpolated at the P points of the integrals.
     """
 
     def __init__(self, rest: np.ndarray, degree: int = 2) -> None:
@@ -102,7 +103,8 @@ class Mesh:
         self.interpolation = sparse.csr_matrix((weights.ravel(), targets.ravel(), rows), shape=(points, len(self.own)))
 
     def by_target(self, vectors: list[np.ndarray]) -> np.ndarray:
-        """Sums (T, 3) over the pairs of each target of vectors, passed as their components (N,)."""
+        """Sum (T, 3), for each target, of the vectors of its pairs, from their three components (N,) over all N
+        pairs."""
         return np.stack([np.add.reduceat(vector, self.first_pairs[:-1]) for vector in vectors], axis=1)
 
 
@@ -227,7 +229,8 @@ class Cell:
 
     @cached_property
     def _radiance(self) -> np.ndarray:
-        """Radiance (F,) of each patch towards the phototransistor, in the light of :meth:`_reception_errors`."""
+        """Radiance (F,) of each patch towards the phototransistor, due to the light that :meth:`_reception_errors`
+        considers."""
         count, degree = len(self._walls.seen), self._mesh.degree
         power, received = self._adjoint[self._seen], self._reception.value
         if self._direct.is_finer:
@@ -244,21 +247,21 @@ class Cell:
 
     @cached_property
     def _mean_response(self) -> np.ndarray:
-        """Mean response (F,) to the light of the LED on each patch; on patches without light of the LED, mean response
-        to all light."""
+        """Mean response W (F,) on each patch, weighted by the light of the LED; on patches without light of the LED,
+        the unweighted mean."""
         response = self.response[self._seen].reshape(len(self._walls.seen), -1)
         power = np.abs(self._emission.power).reshape(response.shape)
         weight = np.where(power.sum(axis=1, keepdims=True) > 0, power, 1.0)
         return (weight * response).sum(axis=1) / weight.sum(axis=1)
 
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Segments of light paths: from the LED, from wall to wall, and to the phototransistor.
+        """M segments of light paths: from the LED, from wall to wall, and to the phototransistor.
 
         Returns
         -------
         sources, ends : (M, 2, 3) ndarray
-            Positions in mm, and unit normals. From wall to wall, there is a segment from each target to each patch that
-            receives its light.
+            Positions in mm and unit normals at the start and at the end of each segment. From wall to wall, there is a
+            segment from each target to each patch that receives its light.
         fraction : (M,) ndarray
             Fraction of the reading on this segment. Light via several walls counts several times.
         """
@@ -400,7 +403,7 @@ class Cell:
         Returns
         -------
         (F,) ndarray
-            In W per W and unit of the parameter, by the patch that the light leaves.
+            Derivatives in W per W and unit of the parameter, for each patch that the light leaves.
         """
         pairs, own, positions = self._mesh.pairs, self._mesh.own, self._walls.positions
         fastest = np.abs(velocity).max()

@@ -42,7 +42,7 @@ class Direct:
     isotropic, lambertian : (F,) ndarray
         Fraction of the incident light that each patch scatters by the law of this name.
     coarse : (F * Q,) ndarray
-        Direct response at the points of the patches, as :class:`Emission` interpolates it.
+        Direct response at the Q points of each of F patches, as :class:`Emission` interpolates it.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Direct:
         return finer - (self._emission.power * self._coarse).reshape(count, -1).sum(axis=1)
 
     def correction(self, lit: LitPoints) -> np.ndarray:
-        """Direct responses (N,) at lit points, minus those of the coarser interpolation."""
+        """Direct responses (N,) at N lit points, minus those of the coarser interpolation."""
         subpatches = self._subpatches
         number = subpatches.of_inside if lit is self._emission.inside else subpatches.of_edge
         finer = self._reception.value.reshape(-1, len(_NODES))[number]
@@ -104,7 +104,7 @@ class Direct:
         Returns
         -------
         (M,) ndarray
-            Errors in W per W of the LED.
+            Errors in W per W of the LED, for each of M subpatches.
         """
         by_rule, by_outline = self._accepted if positions is None else self._accepted_at(positions)
         return self._radiance * (by_rule - by_outline)
@@ -136,7 +136,7 @@ class Direct:
 
 
 class _Subpatches:
-    """Equal triangles into which patches are divided, with an interpolation polynomial on each. Only lit triangles are
+    """Equal triangles into which patches are divided, with an interpolation polynomial on each; the M lit triangles are
     kept.
 
     Attributes

@@ -33,7 +33,7 @@ alike."""
 STEP = 1e-3
 """Displacement of the walls in mm in differences of the power within outlines, times the spread of narrow beams."""
 RIM_POINTS = 4
-"""Number of rays from a corner that the edge cuts off; each ray has one point less."""
+"""Number of rays from a corner that the edge of the cone cuts off; each ray has one point less than there are rays."""
 EDGE_POINTS = 8
 """Number of points at the edge within a piece, for derivatives only. With half of them, derivatives of a narrow beam
 are wrong by 3 % where the edge is oblique to the rays."""
@@ -43,12 +43,12 @@ _SIX = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)])
 
 @dataclass(frozen=True, eq=False)
 class LitPoints:
-    """Points of patches that are lit by points of an LED.
+    """N points of patches that are lit by points of an LED.
 
     Attributes
     ----------
     source : (N,) ndarray
-        Number of the LED's point.
+        Number of the LED's point from which the light comes.
     points : PatchPoints
         The N lit points.
     weight : (N,) ndarray
@@ -69,11 +69,11 @@ class Emission:
     led : End
         Points and law of the LED.
     positions : (F, 15, 3) ndarray
-        Positions of the patches, in mm.
+        Positions of the 15 points of each of F patches, in mm.
     degree : int
         Degree of the polynomials that interpolate values on each patch from its Q points.
     inside, edge : LitPoints
-        Within the cone of the LED, and at its edge.
+        Lit points within the cone of the LED, and at its edge.
     """
 
     led: End
@@ -84,7 +84,7 @@ class Emission:
 
     @cached_property
     def power(self) -> np.ndarray:
-        """Fractions (F * Q,) of the LED's power for each point of the patches, such that sums are integrals."""
+        """Fractions (F * Q,) of the LED's power at the Q points of each patch, such that sums are integrals."""
         weights = self._interpolation(self.inside)
         size = weights.shape[1]
         point = self.inside.points.face[:, None] * size + np.arange(size)
@@ -102,8 +102,8 @@ class Emission:
 
     @cached_property
     def _scale(self) -> np.ndarray:
-        """Correction factors (L,) for the light of each point of the LED, with which closed walls receive exactly its
-        power.
+        """Correction factors (L,) for the light of each of L points of the LED, with which closed walls receive exactly
+        its power.
 
         They differ from 1 for narrow beams only: derivatives of the power through the position of such a beam are
         differences of large numbers, which cancel exactly with these factors.
@@ -185,7 +185,7 @@ class Emission:
         return by_inside + self.edge.points.gradient(self.positions, entering * rim.of_cosine, zero)
 
     def _interpolation(self, lit: LitPoints) -> np.ndarray:
-        """Weights (N, Q) of the values at the points of a patch for the values at lit points."""
+        """Weights (N, Q) with which values at the Q points of a patch are interpolated at N lit points."""
         return monomials(lit.points.at, self.degree) @ coefficients(self.degree)
 
     def at(self, lit: LitPoints, values: np.ndarray) -> np.ndarray:

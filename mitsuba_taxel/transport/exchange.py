@@ -51,13 +51,13 @@ class Starts:
 
 @dataclass(frozen=True, eq=False)
 class LightRates:
-    """Derivatives of the light on points of a surface, each a vector with components (N,).
+    """Derivatives of the light exchanged by N pairs of points; each is a vector, given as its components (N,).
 
     Attributes
     ----------
     by_end : list of (N,) ndarray
-        Derivatives with respect to the position of the end, per mm. That by the position of the start has the opposite
-        sign.
+        Derivatives with respect to the position of the end, per mm. The derivative with respect to the position of the
+        start has the opposite sign.
     by_area : list of (N,) ndarray
         Derivatives with respect to the area normal of the end.
     by_normal : list of (N,) ndarray
@@ -73,14 +73,14 @@ class LightRates:
 
 
 class Exchange:
-    """Light from points of walls to points of a surface.
+    """Light that N pairs of points exchange, from points of walls to points of a surface.
 
     Parameters
     ----------
     starts : Starts
         Points of walls where the light starts; S is their number.
     at, area : (E, 3) ndarray
-        Points of the surface, and its area normals.
+        E points of the surface, and its area normals.
     start, end : (N,) ndarray
         Numbers of start and end of each pair.
     box : Box or None
@@ -108,8 +108,8 @@ class Exchange:
         Parameters
         ----------
         above : (N,) ndarray or None
-            Fraction of the surface above the horizon of the start, by which isotropic light is multiplied; None if it
-            ends where a point passes below the horizon.
+            Fraction of the surface above the horizon of the start, by which isotropic light is multiplied; None:
+            isotropic light is 0 at points below the horizon.
 
         Returns
         -------
@@ -158,13 +158,13 @@ class Exchange:
         above : (N,) ndarray or None
             See :meth:`values`.
         by_leaving : (N,) ndarray or None
-            With ``above``, derivatives of the weighted values with respect to the heights of the ends above the
-            horizons, per mm, as ``above`` depends on them.
+            With ``above``: derivatives of the weighted values with respect to the heights of the ends above the
+            horizons, on which ``above`` depends, per mm.
 
         Returns
         -------
         LightRates
-            Rates of each pair.
+            Derivatives for each pair.
         """
         with _TURN:
             pair, factor = self._pairs(), _floats(weight)

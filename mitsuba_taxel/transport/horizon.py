@@ -20,7 +20,7 @@ as crossed: curved pieces beside a start only touch its horizon."""
 
 
 class PiecesAtHorizon(NamedTuple):
-    """Pairs of a start and a point on a piece that crosses the horizon of the start.
+    """M pairs of a start and a point on a piece that crosses the horizon of the start.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ def pieces_at_horizon(pairs: Pairs, own: np.ndarray, normal: np.ndarray, leaving
     Parameters
     ----------
     pairs : Pairs
-        N of T targets and the points of pieces, from :func:`pairs_of`.
+        N pairs of T targets and the points of pieces, from :func:`pairs_of`.
     own : (T,) ndarray
         Number of the patch of each target.
     normal : (T, 3) ndarray

@@ -42,13 +42,13 @@ def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, pos
     Parameters
     ----------
     points : (L, 3) ndarray
-        The sources, in mm.
+        Positions of the L sources, in mm.
     normal : (3,) ndarray
         Unit vector along the axis of their light.
     within : Cumulative
         Angular law of the sources.
     positions : (F, 15, 3) ndarray
-        Positions of the patches, in mm; they face the sources.
+        Positions of the F patches, in mm; they face the sources.
 
     Returns
     -------
@@ -98,7 +98,8 @@ def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, pos
 
 
 def _points(coefficients: np.ndarray, start: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, P, 3) of the rule on intervals of sides with coefficients (N, 5, 3), and their rates (N, P, 3)."""
+    """P points (N, P, 3) of the rule on each of N intervals of sides with coefficients (N, 5, 3), and their derivatives
+    (N, P, 3) along the interval."""
     along = start[:, None] + width[:, None] * gauss(POINTS)[0]
     powers = along[..., None] ** _POWERS
     rates = np.zeros_like(powers)

@@ -21,7 +21,7 @@ SELF_POINTS = 8
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Pairs of targets and points.
+    """N pairs of a target and a quadrature point.
 
     Attributes
     ----------

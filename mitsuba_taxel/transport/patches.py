@@ -18,12 +18,12 @@ _COEFFICIENTS = differentiated(DEGREE) @ np.linalg.inv(monomials(LATTICE, DEGREE
 
 @dataclass(frozen=True, eq=False)
 class PatchPoints:
-    """Points of patches.
+    """P points on patches.
 
     Attributes
     ----------
     face : (P,) ndarray
-        Number of the patch, in ascending order.
+        Number of the patch of each point, in ascending order.
     at : (P, 2) ndarray
         Coordinates (s, t) of each point on its patch.
     """

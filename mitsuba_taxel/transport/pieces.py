@@ -21,12 +21,12 @@ QUARTERS = np.stack([WHOLE / 2, WHOLE / 2 + (0.5, 0), WHOLE / 2 + (0, 0.5), 0.5 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Triangles on patches.
+    """M triangles on patches.
 
     Attributes
     ----------
     face : (M,) ndarray
-        Number of the patch.
+        Number of the patch of each triangle.
     corners : (M, 3, 2) ndarray
         Corners as (s, t).
     """

@@ -34,7 +34,7 @@ class Half:
 
 
 def is_closed(triangles: np.ndarray) -> bool:
-    """Whether triangles pass each of their edges equally often in both directions.
+    """Whether triangles form a closed surface: each edge occurs equally often in both directions.
 
     Parameters
     ----------

@@ -19,7 +19,8 @@ def put_radially(
     radius : float
         Radius of the sphere or cylinder, mm.
     across : (3, 3) ndarray
-        Projection onto the directions of the radius: the identity for a sphere.
+        Projection onto the directions of the radius: the identity for a sphere, the projection across the axis for a
+        cylinder.
 
     Returns
     -------

@@ -187,7 +187,7 @@ def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndar
     points : (N, 3) ndarray
         Positions in mm.
     corners : (M, K, 3) ndarray
-        Corners of triangles, segments or points, mm.
+        Corners of M triangles (K = 3), segments (K = 2) or points (K = 1), mm.
     reach : float
         Largest distance along an axis, mm.
 
@@ -200,7 +200,7 @@ def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndar
 
 
 def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """The entry of least cost for each key.
+    """The entry of least cost for each key, among P entries.
 
     Parameters
     ----------

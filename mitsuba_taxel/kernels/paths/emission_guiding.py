@@ -34,7 +34,7 @@ LARGEST_WEIGHT = 1 / _DEFENSIVE
 
 
 class GuidedEmission:
-    """A piecewise constant density over the unit square for each taxel.
+    """A piecewise constant density over the unit square for each of T taxels.
 
     Parameters
     ----------

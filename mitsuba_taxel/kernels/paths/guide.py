@@ -42,9 +42,9 @@ class Members:
     Attributes
     ----------
     owner : (N,) ndarray
-        Taxel of each triangle; -1 for none, -2 for triangles of other walls that reflect light.
+        Taxel of each of N triangles; -1 for none, -2 for triangles of other walls that reflect light.
     numbers : (M,) ndarray
-        Numbers of the triangles that belong to a taxel.
+        Numbers of the M triangles that belong to a taxel.
     trees : MemberTrees
         A tree of these triangles for each taxel.
     """
@@ -99,7 +99,7 @@ class Guide:
         index : mi.UInt32
             Number of the taxel.
         uv : mi.Point2f
-            Origin of the ray on the unit square, see :meth:`uv`; only used if points are sampled by distance.
+            Origin of the ray, mapped to the unit square by :meth:`uv`; only used if points are sampled by distance.
         sample, nearness : mi.Point2f and mi.Float
             Uniform random numbers.
 
@@ -262,7 +262,7 @@ def _surface_of(mesh: mi.Mesh) -> CellSurface:
 
 
 def _corners(mesh: mi.Mesh) -> mi.Float:
-    """Coordinates (9 N,) of the corners of all triangles, in the order of the triangles."""
+    """Coordinates (9 N,) of the corners of all N triangles, in the order of the triangles."""
     parameters = mi.traverse(mesh)
     faces, positions = parameters["faces"], dr.detach(parameters["vertex_positions"])
     number = dr.arange(mi.UInt32, 3 * len(faces))
@@ -272,7 +272,7 @@ def _corners(mesh: mi.Mesh) -> mi.Float:
 
 
 def _normals(corners: np.ndarray) -> np.ndarray:
-    """Normals (N, 3) of triangles; their lengths are twice the areas."""
+    """Normals (N, 3) of N triangles; their lengths are twice the areas."""
     first, second, third = corners.swapaxes(0, 1)
     return np.cross(second - first, third - first)
 
@@ -299,7 +299,7 @@ def _regions_by_wall(bsdf: mi.BSDF) -> dict[str, list[int]]:
 
 
 def _gain(guide: Guide, scene: mi.Scene, pair: TaxelPair) -> float:
-    """Factor by which the guide changes the mean square weight of a ray after another reflection.
+    """Mean square weight of rays sampled with the guide, relative to that without it, after one more reflection.
 
     It is estimated with rays scattered from points of the guide. In a smooth dome it is about a half. Where walls meet
     in corners it exceeds 1, as most light goes to close walls, which the guide misses. Light to other walls that
@@ -334,7 +334,7 @@ def _gain(guide: Guide, scene: mi.Scene, pair: TaxelPair) -> float:
 
 
 def _unrolled(points: np.ndarray, owner: np.ndarray) -> np.ndarray:
-    """Map points (M, 3) to a plane (M, 2) so that neighbours remain neighbours.
+    """Map M points (M, 3) to a plane (M, 2) so that neighbours remain neighbours.
 
     Points of a taxel are projected along the axis of their least extent. Each point keeps its direction from the
     centre; its distance from the point at the centre becomes its radius. On a sphere this is the equal-area map.

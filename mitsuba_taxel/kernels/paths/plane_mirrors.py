@@ -36,10 +36,10 @@ class PlaneMirrors:
     mesh : mi.Mesh
         The mesh.
     owner : (N,) ndarray
-        Taxel of each triangle of a mirror; -1 elsewhere.
+        Taxel of each of N triangles if it belongs to a mirror; else -1.
     planes : (T, 4) ndarray
-        Unit normal of the mirror of each taxel, and its distance from the origin along the normal, mm; 0 without a
-        mirror.
+        Unit normal of the mirror of each of T taxels, and its distance from the origin along the normal, mm; 0 without
+        a mirror.
     wall : mi.BSDF
         The `wall` of the mirrors.
     """
@@ -148,7 +148,7 @@ def without_images(scene: mi.Scene) -> Iterator[None]:
 
 
 def _on(mesh: Any, positions: np.ndarray, pair: TaxelPair, wall: Any) -> PlaneMirrors | None:
-    """The plane mirrors of a pad with these coordinates of vertices (3 V,)."""
+    """The plane mirrors of a pad whose V vertices have the coordinates ``positions`` (3 V,)."""
     parameters = mi.traverse(mesh)
     corners = positions.reshape(-1, 3).astype(float)[np.array(parameters["faces"]).reshape(-1, 3)]
     region, cell = mesh.surface.region, mesh.surface.cell

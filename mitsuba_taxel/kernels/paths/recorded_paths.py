@@ -42,7 +42,7 @@ class RecordedPaths:
         led_index: mi.UInt32,
         *objects: Any,
     ) -> mi.Float:
-        """The result of ``trace``, recorded if possible.
+        """The result of ``trace``, by a recorded kernel if possible.
 
         Parameters
         ----------

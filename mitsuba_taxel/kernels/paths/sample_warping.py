@@ -46,7 +46,8 @@ def descend(splits: mi.Float, depth: mi.UInt32, tree: mi.UInt32, sample: mi.Poin
 
 
 def grid_splits(weight: np.ndarray) -> np.ndarray:
-    """Splits (T, n * n) of trees over grids of ``weight`` (T, n, n), n a power of two; columns are split first."""
+    """Splits (T, n * n) of T trees over grids of n x n cells with ``weight`` (T, n, n), n a power of two; columns are
+    split first."""
     trees, side, _ = weight.shape
     splits = np.ones((trees, side * side), np.float32)
     rows, columns = 1, 1
@@ -79,7 +80,7 @@ def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
 
 
 class MemberTrees:
-    """Trees over scattered members, halved by number along the two axes alternately.
+    """Trees over M members at scattered positions, halved by number along the two axes alternately.
 
     Parameters
     ----------
@@ -126,7 +127,7 @@ class MemberTrees:
         return splits
 
     def boxes(self, splits: np.ndarray) -> np.ndarray:
-        """Rectangle of the unit square that ``splits`` map to each member: lower corner and size (M, 4)."""
+        """Rectangle of the unit square that ``splits`` map to each of M members: lower corner and size (M, 4)."""
         low, size = np.zeros((2, len(splits), 1)), np.ones((2, len(splits), 1))
         for level in range(self.depth):
             axis, split = level % 2, splits[:, 1 << level : 2 << level].astype(float)

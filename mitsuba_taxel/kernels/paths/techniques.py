@@ -454,7 +454,7 @@ class Techniques:
         return member, dr.select(member, self.guide.probability, 0), self.guide.uv(si, member)
 
     def draw(self, vertex: Vertex, sample: mi.Point2f, nearness: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
-        """A point sampled by the guide, and the number of its triangle."""
+        """A point sampled by the guide for the next vertex of a path, and the number of its triangle."""
         assert self.guide is not None
         return self.guide.sample(self.index, vertex.uv, sample, nearness)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class CellSurface:
-    """Triangles of a surface with their regions and cells; caches identify a surface by its object identity.
+    """N triangles of a surface with their regions and cells; caches identify a surface by its object identity.
 
     Attributes
     ----------

@@ -11,7 +11,7 @@ from mitsuba_taxel.backend.packets import in_packets
 
 
 class Places(NamedTuple):
-    """Vertices of a mesh, with normals.
+    """V vertices of a mesh of T triangles, with normals.
 
     Attributes
     ----------

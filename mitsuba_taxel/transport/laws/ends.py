@@ -102,7 +102,7 @@ def uniform_cone(cosine: float) -> CosineFactor:
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """An LED or a phototransistor.
+    """An LED or a phototransistor, as L weighted points with an angular law.
 
     Attributes
     ----------
