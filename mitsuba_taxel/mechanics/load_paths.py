@@ -231,7 +231,7 @@ def state_at_rest(
 
 
 def remembering(material: Material | Viscoelastic) -> Viscoelastic:
-    """A material as a `Viscoelastic` material; an elastic material has no relaxing terms."""
+    """The material as a `Viscoelastic` object; if it is elastic, without relaxing terms."""
     return material if isinstance(material, Viscoelastic) else Elastic(material)
 
 

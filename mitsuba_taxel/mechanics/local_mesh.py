@@ -177,7 +177,8 @@ def _from_leg(points: np.ndarray, leg: Leg) -> np.ndarray:
 
 
 def _stops(legs: Sequence[Leg], spacing: float) -> np.ndarray:
-    """The start (n, 3) in mm and positions along legs with at most a spacing in mm between them."""
+    """Positions (n, 3) in mm along the path of the body: its start, and points on its legs at most a ``spacing`` in mm
+    apart."""
     stops = [np.zeros((1, 3))]
     for start, end in np.array(legs).reshape(-1, 2, 2):
         count = 1 + math.ceil(float(np.linalg.norm(end - start)) / spacing)

@@ -27,7 +27,8 @@ SLACK = 1e-9
 """Tolerance of negative barycentric coordinates inside an element, so that rounding causes no gap between
 neighbours."""
 ROOM = 1e-6
-"""Tolerance of barycentric coordinates of points in an element beyond the range of its hull: more than rounding."""
+"""Tolerance, above rounding, by which the barycentric coordinates of a point in a curved element may lie outside the
+range of those of its hull."""
 ROUNDING = 1e-14
 """Tolerance of Newton's method, relative to the largest coordinate."""
 MOST_ITERATIONS = 30
@@ -37,7 +38,7 @@ _SIDES = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
 
 @dataclass(frozen=True, eq=False)
 class Location:
-    """Points and the elements they lie in.
+    """P points, and the elements of a mesh of N nodes in which they lie.
 
     Attributes
     ----------
@@ -221,7 +222,7 @@ class PointLocator:
 
 
 class _Boxes:
-    """Boxes of curved elements or faces with nodes (n, 10) or (n, 6), a little larger than their hulls."""
+    """Bounding boxes of n curved elements or faces with nodes (n, 10) or (n, 6), a little larger than their hulls."""
 
     def __init__(self, points: np.ndarray, nodes: np.ndarray) -> None:
         slack = SLACK * float(np.abs(points).max())
@@ -231,8 +232,8 @@ class _Boxes:
         self._levels = self._tree.levels(self.low, self.high)
 
     def overlapping(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Indices (K,), (K,) of pairs of boxes that overlap: of a box with the corners ``low`` and ``high`` (P, 3),
-        and of a box of this object."""
+        """Indices of the K pairs of boxes that overlap: (K,) of the P boxes with the corners ``low`` and ``high`` (P,
+        3), and (K,) of the boxes of this object."""
         tree = BoxTree(low + high)
         return tree.overlapping_with(tree.levels(low, high), self._tree, self._levels)
 
@@ -339,7 +340,7 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _owners(mesh: VolumeMesh) -> np.ndarray:
-    """Element (B,) of each face of the surface."""
+    """Element (B,) to which each of B faces of the surface belongs."""
     sides = np.sort(mesh.tets[:, _SIDES].reshape(-1, 3), axis=1)
     count = mesh.corner_count
     keys, face_keys = (

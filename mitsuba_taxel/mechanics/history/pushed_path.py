@@ -121,7 +121,11 @@ class PushedPath(TimedPath):
                 slope = slope + np.outer(gain - slope @ change, change) / (change @ change)
             change = np.linalg.solve(slope, imbalance)
         reached = ", ".join(f"{component:.4g}" for component in np.round(self._pressed(rows, state), 12) + 0.0)
-        raise ComputationError(f"the indenter slips: the load path ends at force = ({reached}) N.")
+        raise ComputationError(
+            f"the indenter slips: the load path ends at force = ({reached}) N. Less tangential force or more "
+            "friction is "
+            "needed."
+        )
 
     def _without_friction(self, force: np.ndarray) -> np.ndarray:
         """Movement (3,) in mm of the body under the normal part of a force."""

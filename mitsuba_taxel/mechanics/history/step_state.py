@@ -14,8 +14,8 @@ from mitsuba_taxel.mechanics.materials.creep import Growth
 
 
 class PathEnded(Exception):
-    """There is no further state: the ``reason``, the last ``value`` of the load, the ``fraction`` of the interval
-    reached, and the ``contact`` there."""
+    """Raised where a load path ends, with the ``reason``, the last ``value`` of the load, the ``fraction`` of the
+    interval between two rows that was reached, and the ``contact`` there."""
 
     def __init__(self, value: np.ndarray, fraction: float, reason: str, contact: Contact | None = None) -> None:
         super().__init__(reason)
@@ -23,7 +23,7 @@ class PathEnded(Exception):
 
 
 class StepTooLong(Exception):
-    """A step that spans several rows is not accurate enough; a step ``factor`` times as long may be."""
+    """Raised where a step that spans several rows is not accurate enough; a step ``factor`` times as long may be."""
 
     def __init__(self, factor: float) -> None:
         super().__init__(factor)
@@ -39,7 +39,8 @@ class StepError:
     deviation : (unknowns,) ndarray
         Deviation of the unknowns of the part.
     uncertainty : float
-        Sum, in mm, of the largest displacements due to the error of each step, as far as they have not relaxed yet.
+        Sum over all steps of the largest displacement that the error of each step causes, reduced by the relaxation
+        since then, mm.
     """
 
     deviation: np.ndarray
@@ -48,8 +49,8 @@ class StepError:
 
 @dataclass(frozen=True, eq=False)
 class PartMidStep:
-    """A :class:`MidStep` over the unknowns of the solved part, on a ``growth``. Its remainder is a vector of
-    displacements, whose relative size is ``error``."""
+    """A :class:`MidStep` over the unknowns of the solved part of the pad. ``growth`` is the measure of time of the
+    step; ``error`` is the relative size of the remainder, a vector of displacements."""
 
     growth: Growth
     start_velocity: np.ndarray
@@ -61,7 +62,7 @@ class PartMidStep:
 
 @dataclass(frozen=True, eq=False)
 class StepState:
-    """A state between two rows, at a ``fraction`` of the interval.
+    """The state of the solved part of a pad between two rows of the load, at a ``fraction`` of the time interval.
 
     Attributes
     ----------

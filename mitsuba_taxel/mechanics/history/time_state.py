@@ -1,4 +1,4 @@
-"""A history-dependent pad at a time, and its shape between two such times."""
+"""The state of a history-dependent pad at a time, and the interpolation between two such states."""
 
 from __future__ import annotations
 
@@ -72,10 +72,10 @@ class MidStep:
     start_velocity : (3 N + corners,) ndarray
         Rates of the unknowns per s at the start of the step.
     correction : (3 N + corners,) ndarray
-        Correction by Newton's method, in the middle, to a cubic between the ends.
+        Correction by a step of Newton's method, at the middle of the step, to the cubic interpolation between its ends.
     remainder : (N, 3) ndarray
-        Correction of the displacements that remains a quarter of the step from an end, in mm; the larger one of both
-        ends.
+        Further correction of the displacements in mm, a quarter of the step from its start or from its end, whichever
+        is larger.
     cubic_stress : (m, q, 6) ndarray
         Coefficient of the third power of the growth in the stress, MPa; ``cubic`` of
         :meth:`InternalVariables.parabolic_step_error`.
@@ -110,8 +110,8 @@ class StepControl:
 class Figures:
     """Figures of the solution of a state, as in :class:`~mitsuba_taxel.mechanics.continuation.state.State`.
 
-    ``uncertainty`` is the sum, in mm, of the largest displacements due to the error of each step, as far as they have
-    not relaxed yet; ``stress_error`` is the relative error of the stress due to time steps."""
+    ``uncertainty`` is that of :class:`~mitsuba_taxel.mechanics.history.step_state.StepError` in mm; ``stress_error`` is
+    the relative error of the stress due to time steps."""
 
     min_jacobian: float
     residual: float
@@ -196,7 +196,7 @@ def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: flo
     Returns
     -------
     Shape
-        State with its estimated error.
+        Displacements and pressures at that time, with their estimated error.
     """
     assert end.mid_step is not None  # the step leads beyond a row
     elapsed = time - start.time
@@ -220,8 +220,9 @@ def without_cancelling(error: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 class StepCubics:
-    """Cubic polynomials in the main measure of a step, through the values of the unknowns and their rates at both ends.
-    Parabolas replace them if rates with respect to that measure are not resolved at the end.
+    """Interpolation of the unknowns within a step: cubic polynomials in its main measure of time (see
+    :class:`Measures`), from the values and rates at both ends. Parabolas replace them if rates with respect to that
+    measure are not resolved at the end.
 
     Pressures also have a linear term in the other measure, if there is one.
 

@@ -30,10 +30,11 @@ INTERPOLATION_TOLERANCE = 1e-4
 """Allowed error of states within a step that leads beyond rows, root mean square over the pad, relative to the largest
 displacement or pressure. The error is the step that Newton's method would add a quarter of the way from an end."""
 TICKS = 64
-"""Smallest fraction of a step without an equilibrium, of the time since the row before, or of the shortest relaxation
-time: within this time no term of the series changes much."""
+"""A step without an equilibrium is halved until it is this number of times shorter than the time since the row before,
+or than the shortest relaxation time if that is longer; then the path ends."""
 MOST_GROWTH, LEAST_CUT, MOST_CUT, CAUTION = 4.0, 0.5, 0.02, 0.8
-"""Limits of the factor from one step to the next, which follows from the error."""
+"""Limits of the ratio of successive step lengths: the largest increase, the largest and the smallest ratio for a step
+that is repeated, and the safety factor."""
 DOUBT = 0.3
 """Relative uncertainty of the estimated error of a step."""
 HELD = 10.0
@@ -385,13 +386,13 @@ def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
     Returns
     -------
     bool
-        True if they may.
+        True if the silicone relaxes, and states between the nodes of a path are interpolated rather than solved.
     """
     return bool(material.prony) and not pad.solves_between
 
 
 def response(load: Load, material: Viscoelastic) -> CreepResponse:
-    """Response of a pad of a material to a kind of load.
+    """Response of a pad to a load that jumps to 1: creep under a force or pressure, relaxation under a displacement.
 
     Parameters
     ----------
@@ -403,7 +404,7 @@ def response(load: Load, material: Viscoelastic) -> CreepResponse:
     Returns
     -------
     CreepResponse
-        Response of displacements or pressures.
+        Response of the displacements to a force, or of the pressures to a prescribed displacement.
     """
     return CreepResponse.of(material.prony, not load.gives_displacement)
 

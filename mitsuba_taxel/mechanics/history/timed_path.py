@@ -57,7 +57,7 @@ class TimedPath(TimedStates):
         return cls(path, material)
 
     def state(self, rows: LoadHistory, obstacles: np.ndarray | None = None) -> State:
-        """The deformed pad at the end of some rows.
+        """The deformed pad at the end of the given rows of the load.
 
         Parameters
         ----------

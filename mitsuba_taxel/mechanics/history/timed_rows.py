@@ -30,7 +30,7 @@ def rubs(load: Load) -> bool:
     Returns
     -------
     bool
-        True if it has.
+        True if it has friction.
     """
     return load.indenter is not None and load.indenter.friction > 0
 

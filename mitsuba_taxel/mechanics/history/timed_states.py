@@ -1,7 +1,7 @@
 """The states of a history-dependent pad under a sequence of loads with times.
 
 From rest at t = 0, the load changes linearly to the value of each row until its time; rows of equal times are a jump. A
-state depends only on the rows up to its own, and is bitwise independent of other requested states.
+state depends only on the rows up to its time, and is bitwise independent of other requested states.
 
 While the rate of the load is constant, steps may extend beyond rows; states at these rows are then interpolated.
 """
@@ -85,7 +85,7 @@ class TimedStates:
         self._last: tuple[LoadHistory, tuple[TimeState, StepCubics]] | None = None
 
     def reached(self, rows: LoadHistory) -> TimeState:
-        """The pad at the end of some rows.
+        """The pad at the end of the given rows of the load.
 
         Parameters
         ----------

@@ -93,8 +93,8 @@ def _least_energy(stretch: float, material: Material) -> float:
 def _functions() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Test functions on the sphere's octant, at its quadrature points.
 
-    Weights (q,) of the points; gradients (n, q, 3) of orthonormal functions r^(-1/2) f for displacements; and values
-    (m, q) of orthonormal functions r^(-3/2) f of two degrees less for the pressure.
+    Weights (q,) of the q points; gradients (n, q, 3) of n orthonormal functions r^(-1/2) f for displacements; and
+    values (m, q) of m orthonormal functions r^(-3/2) f of two degrees less for the pressure.
     """
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     angles, node_weights = np.pi / 4 * (nodes + 1), np.pi / 4 * weights
@@ -127,7 +127,8 @@ def _monomials(points: np.ndarray, degree: int, power: float) -> tuple[np.ndarra
 
 
 def _orthonormal(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Coefficients (m, n) of orthonormal combinations of functions (n, q)."""
+    """Coefficients (m, n) of m orthonormal combinations of n functions with values (n, q) at q points of the given
+    weights."""
     eigenvalues, vectors = np.linalg.eigh((values * weight) @ values.T)
     significant = eigenvalues > 1e-11 * eigenvalues[-1]
     return (vectors[:, significant] / np.sqrt(eigenvalues[significant])).T

@@ -25,7 +25,7 @@ BISECTIONS = 200
 LEAST_START = 0.05
 """Rate at the start of a step, relative to its mean, below which creep is not used as a measure of time."""
 LEAST_END = 1e-6
-"""The same at the end of a step, below which derivatives by the measure are not resolved there."""
+"""The same at the end of a step, below which derivatives with respect to the measure are not resolved there."""
 LEAST_BUMP = 1e-9
 """Deviation from a cubic polynomial that counts as rounding."""
 
@@ -39,7 +39,7 @@ class CreepResponse:
     lasting : float
         Response after a long time.
     rates : (k,) ndarray
-        Rates in 1/s.
+        Rates of the k exponentials in 1/s.
     amplitudes : (k,) ndarray
         Amplitudes of the exponentials.
     creeps : bool
@@ -122,7 +122,7 @@ class Growth:
 
     @classmethod
     def even(cls, duration: float) -> Growth:
-        """Time itself, scaled."""
+        """The growth that is proportional to time."""
         return cls(duration, 1 / duration, np.zeros(0), np.zeros(0))
 
     def rate(self, time: float | np.ndarray) -> np.ndarray:

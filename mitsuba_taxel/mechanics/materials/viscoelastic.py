@@ -50,7 +50,7 @@ def components(tensors: np.ndarray) -> np.ndarray:
 
 
 class Weights(NamedTuple):
-    """Effect of a time step h on the stress Q of each term.
+    """Effect of a time step h on the stress Q of each of k terms.
 
     Attributes
     ----------

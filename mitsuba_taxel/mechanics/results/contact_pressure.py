@@ -67,7 +67,7 @@ def smooth_pressure(body: Indentation, pressure: np.ndarray) -> np.ndarray:
     body : Indentation
         The indenter above the mesh.
     pressure : (m,) ndarray
-        Pressures at the nodes of the body, MPa.
+        Pressures at the m contact nodes of ``body``, MPa.
 
     Returns
     -------

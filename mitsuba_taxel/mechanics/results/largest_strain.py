@@ -57,14 +57,14 @@ class LargestStrain:
         Parameters
         ----------
         displacement : (N, 3) ndarray
-            Rate of the displacement.
+            Derivative of the displacement of the N nodes with respect to the parameter, mm per unit.
         velocity : (N, 3) ndarray
-            Velocity of the undeformed nodes.
+            Derivative of the positions of the undeformed nodes with respect to the parameter, mm per unit.
 
         Returns
         -------
         float
-            Derivative per unit of the changed parameter.
+            Derivative of the strain per unit of the parameter.
         """
         dilatation = np.zeros_like(self._elements.weight)
         if velocity.any():

@@ -42,7 +42,7 @@ def curvature_errors(mesh: VolumeMesh, displacement: np.ndarray, ratio: float, d
     Returns
     -------
     (K,) ndarray
-        One standard deviation in 1/mm for each wall, numbered by :func:`wall_numbers`.
+        One standard deviation in 1/mm for each of K walls, numbered by :func:`wall_numbers`.
     """
     per_strain = TYPICAL_CURVATURE_ERROR * min(ratio, LARGEST_RATIO) ** CURVATURE_ORDER / default_size
     square = (displacement**2).sum(axis=1)[mesh.faces].mean(axis=1)

@@ -14,8 +14,8 @@ import numpy as np
 from mitsuba_taxel.geometry.surfaces.triangles import area_normals, components, neighbours, unit
 
 OWN_DIRECTION = 0.1
-"""Sheets that meet at a vertex determine its position along their normals. Directions along which these normals vary by
-less, squared and relative to the largest variation, are ignored."""
+"""Where sheets meet at a vertex, the sum of the dyads of their normals determines how it moves. Directions whose
+eigenvalue of this sum is below this fraction of the largest eigenvalue are ignored."""
 
 
 def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray, crease: float) -> np.ndarray:
@@ -71,7 +71,7 @@ class Corners:
     vertex: np.ndarray
 
     def offsets(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Movements of vertices on curved walls, with which triangles have the mean position of the walls.
+        """Movements of the V vertices that give the flat triangles the mean position of the curved walls.
 
         A vertex moves by the mean of the triangles around it, along the normal of its sheet. Where sheets meet, it
         moves as required along the normal of each, and stays on flat sheets.
@@ -111,7 +111,7 @@ class Corners:
         return offset
 
     def _bulge(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Mean distance (P,) in mm of the wall from the triangles around each point, along its normal.
+        """Mean distance (P,) in mm, along the normal, of the wall from the triangles around each of P points.
 
         The mean bulge of a triangle follows from the products of its edge vectors with the changes of the normal along
         them.

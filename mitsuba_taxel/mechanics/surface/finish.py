@@ -38,14 +38,14 @@ def _refinement(default: float) -> float:
 
 
 class Finish(Hashable, Protocol):
-    """Microscopic shape of the walls of cells."""
+    """Interface of a finish: the microscopic shape of the walls of cells."""
 
     cuts: ClassVar[int]
-    """Cutting planes of the surface per :attr:`detail`."""
+    """Number of planes per :attr:`detail` that cut the surface."""
 
     @property
     def refinement(self) -> float:
-        """Triangle edges per :attr:`detail`."""
+        """Minimum number of triangle edges per :attr:`detail`."""
 
     @property
     def detail(self) -> tuple[str, float]:
@@ -57,7 +57,7 @@ class Finish(Hashable, Protocol):
         mm."""
 
     def relief(self, smooth: SmoothSurface) -> Relief:
-        """The rough surface, relative to the smooth surface of which some walls get the finish."""
+        """The rough surface, stored relative to the ``smooth`` surface, on those walls that have this finish."""
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from mitsuba_taxel.mechanics.surface.relief import Relief, SmoothSurface
 from mitsuba_taxel.pads.regions import REGIONS
 
 ALONG = 1e-6
-"""Sides inclined by less than this to the print direction count as parallel to it, in radians."""
+"""Angle in radians from the print direction, below which sides count as parallel to it."""
 
 
 def stepped(smooth: SmoothSurface, layer_height: float, layer_offset: float, direction: np.ndarray) -> Relief:
@@ -105,8 +105,8 @@ def _assembled(
 
 
 def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles that join the two copies of each edge between pieces that have separated, and the number of a neighbour
-    of each."""
+    """Triangles that join the two copies of each edge between pieces that have separated, and for each of them the
+    number of a neighbouring triangle."""
     start, end = pieces.ravel(), np.roll(pieces, -1, axis=1).ravel()
     size = int(vertex.max()) + 1
     low, high = np.minimum(vertex[start], vertex[end]), np.maximum(vertex[start], vertex[end])
@@ -123,8 +123,8 @@ def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[
 
 
 def _gaps(vertex: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles between three copies of a vertex, where risers meet an edge that has not moved, and the number of a
-    neighbour of each."""
+    """Triangles between three copies of a vertex, where risers meet an edge that has not moved, and for each of them
+    the number of a neighbouring triangle."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     riser = np.flatnonzero(vertex[start] == vertex[end])
     start, end = start[riser].astype(np.int64), end[riser].astype(np.int64)

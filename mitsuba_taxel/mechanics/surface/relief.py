@@ -65,12 +65,12 @@ class SmoothSurface:
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """A closed rough surface, relative to a :class:`SmoothSurface`.
+    """A closed rough surface of V vertices and T triangles, relative to a :class:`SmoothSurface` of V' vertices.
 
     Attributes
     ----------
     low, high, fraction : (V,) ndarray
-        Two vertices of the smooth surface, and the fraction of the distance between them, for each vertex.
+        Two vertices of the smooth surface for each vertex, and the fraction of the way from the first to the second.
     offset : (V, 3) ndarray
         Undeformed vector in mm from that point to the vertex.
     triangles : (T, 3) ndarray

@@ -28,7 +28,7 @@ def surface_rates(
     shape_velocity: np.ndarray | None = None,
     cells: Sequence[int] | None = None,
 ) -> np.ndarray:
-    """Rates of the vertices of :func:`tessellate` for the same arguments, without a finish.
+    """Derivative of the vertices of :func:`tessellate`, without a finish, with respect to a parameter of the pad.
 
     Parameters
     ----------
@@ -39,17 +39,18 @@ def surface_rates(
     pad : AnyPad or None
         See :func:`tessellate`.
     displacement_rate : (N, 3) ndarray
-        Displacement rate of the nodes, as from :meth:`LinearisedState.by_value` and similar methods.
+        Derivative of the displacement of the N nodes with respect to the parameter, in mm per unit, as from
+        :meth:`LinearisedState.by_value` and similar methods.
     shape_velocity : (N, 3) ndarray, optional
-        Shape velocity of the undeformed nodes. Vertices stay on walls that remain round; on other walls they move with
-        the elements.
+        Derivative of the positions of the undeformed nodes with respect to the parameter, in mm per unit; 0 by default.
+        Vertices stay on walls that remain round; on other walls they move with the elements.
     cells : sequence of int, optional
         See :func:`tessellate`.
 
     Returns
     -------
     (V, 3) ndarray
-        Rate of each vertex, in mm per unit of the changed parameter.
+        Derivative of each of V vertices, in mm per unit of the parameter.
 
     Raises
     ------
@@ -82,8 +83,9 @@ def surface_gradient(
 ) -> np.ndarray:
     """Derivatives of a scalar with respect to displacements, from those with respect to vertices of :func:`tessellate`.
 
-    The transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. For a change of shape, add the sum of
-    ``gradient`` times the rates without a displacement.
+    The transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. If the parameter changes the
+    undeformed shape, add the sum of ``gradient`` times the result of :func:`surface_rates` for a displacement rate of
+    0.
 
     Parameters
     ----------

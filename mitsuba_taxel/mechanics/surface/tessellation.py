@@ -109,7 +109,7 @@ def tessellate(
     pad : AnyPad, optional
         The pad, if it has round walls: the undeformed surface is then that of the walls rather than of their elements.
     cut_of : VolumeMesh, optional
-        The mesh before it was moved, whose triangles are kept.
+        Mesh before its nodes were moved, whose subdivision into triangles is reused.
 
     Returns
     -------

@@ -74,7 +74,7 @@ def by_walls(finish: Finish | SeparateFinish) -> list[tuple[Finish, tuple[str, .
 
 
 def with_blunt_heights(finish: Finish | SeparateFinish | None) -> Finish | SeparateFinish | None:
-    """A finish whose random heights are less steep, by a multiple of the loss due to triangles.
+    """A finish whose random heights are less steep; the change of the readings gives the error due to flat triangles.
 
     Parameters
     ----------

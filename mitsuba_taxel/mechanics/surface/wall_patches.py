@@ -37,11 +37,11 @@ class WallPatches:
     pad : AnyPad
         The pad with the undeformed round walls.
     faces : (F,) ndarray
-        Numbers of the faces of ``walls``, which belong to one cell.
+        Numbers of the F faces of ``walls`` that are used, which belong to one cell.
     cell : int
         Number of the cell that the patches represent: the cell of the faces or, in a built-in pad, any cell.
     lattice : (K, 2) ndarray
-        Coordinates (s, t) along two sides of a face.
+        Coordinates (s, t), along two sides of a face, of its K lattice points.
     """
 
     elements: VolumeMesh
@@ -53,7 +53,7 @@ class WallPatches:
 
     @cached_property
     def pattern(self) -> np.ndarray:
-        """Undeformed points (F, K, 3) in the cell of the faces, in mm."""
+        """Undeformed lattice points (F, K, 3) in mm, in the cell of the faces."""
         return self._placed(self.walls.points, self.pad)
 
     @cached_property
@@ -63,15 +63,16 @@ class WallPatches:
 
     @cached_property
     def rest(self) -> np.ndarray:
-        """Undeformed points (F, K, 3) in mm."""
+        """Undeformed lattice points (F, K, 3) in mm, in the represented cell."""
         return self.pattern + self.shift
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """Displacement or its rate (F, K, 3) at the points, from that of the elements' nodes (N, 3)."""
+        """Displacement or its rate (F, K, 3) at the lattice points, from that of the elements' N nodes, ``nodal`` (N,
+        3)."""
         return self._location.interpolate(nodal).reshape(self.rest.shape)
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """Derivative of the deformed points with respect to a dimension of the pad.
+        """Derivative of the deformed lattice points with respect to a dimension of the pad.
 
         Parameters
         ----------

@@ -43,7 +43,7 @@ COMMON = (0.0005, 20)
 
 
 class Material(Kind, Checked, Displayed, family="material"):
-    """A rubber-like solid. Its laws are frozen dataclasses whose fields are numbers, ``poisson_ratio`` among them.
+    """A rubber-like solid. Each law is a frozen dataclass whose fields are numbers, ``poisson_ratio`` among them.
 
     Raises
     ------
