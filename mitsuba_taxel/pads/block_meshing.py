@@ -103,7 +103,7 @@ def check_block_size(block: Meshed, mesh_size: float) -> None:
     Parameters
     ----------
     block : Block
-        In mm.
+        The block, with lengths in mm.
     mesh_size : float
         Length of the edges of bricks, mm.
 
@@ -135,7 +135,7 @@ def _bricks_along(block: Meshed, mesh_size: float) -> list[int]:
 
 
 def _bricks(sides: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) of a grid, and the corners (M, 4) of six tetrahedra in each brick.
+    """Points (N, 3) of a grid of bricks, and the corners (M, 4) of M tetrahedra, six in each brick.
 
     The corners of each tetrahedron are a path along the edges of the brick, from its lowest to its highest corner.
     Tetrahedra of neighbouring bricks therefore match, and exchanging two axes maps tetrahedra to tetrahedra."""

@@ -315,7 +315,7 @@ class CellShape(Kind, family="cell"):
         Parameters
         ----------
         points : (N, M, 3) ndarray
-            Points relative to the middle of the mouth, mm.
+            N x M points relative to the middle of the mouth, mm.
         slack : float
             Required distance from the wall, mm.
 

@@ -39,7 +39,7 @@ class Fillet(ABC):
         projected : (N, 3) ndarray
             Projected positions in mm.
         gradient : (N, 3, 3) ndarray
-            Derivative of the projected positions by the points.
+            Derivative of the projected positions with respect to the points.
         """
 
     @abstractmethod

@@ -135,7 +135,8 @@ class Meridian:
 
 
 def control_points(text: str) -> np.ndarray:
-    """(n, 2) r and z of the points of a profile, relative to the radius at the board and the height of the cell."""
+    """Coordinates (n, 2) of the n control points of a profile: r relative to the radius at the board, z relative to the
+    height of the cell."""
     return np.array([row.split() for row in text.split(";")], dtype=float)
 
 
@@ -158,7 +159,7 @@ def roof_meridian(text: str, radius: float, height: float) -> Meridian:
     Returns
     -------
     Meridian
-        In mm, from the crown at u = 0 to the rim at u = 1.
+        Curve in mm, from the crown at u = 0 to the rim at u = 1.
     """
     from scipy.interpolate import PPoly
 
@@ -202,7 +203,7 @@ def side_meridian(rim: np.ndarray, radius: float) -> Meridian:
     Returns
     -------
     Meridian
-        In mm, from the rim at u = 0 to the board at u = 1.
+        Curve in mm, from the rim at u = 0 to the board at u = 1.
     """
     from scipy.interpolate import PPoly
 

@@ -81,7 +81,7 @@ class MeridianCell(CellShape):
         Returns
         -------
         Meridian
-            In mm, relative to the middle of the mouth.
+            Curve in mm, relative to the middle of the mouth.
         """
         return self.roof if region == "roof" else self.side
 

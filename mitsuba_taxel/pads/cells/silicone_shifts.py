@@ -18,7 +18,7 @@ BESIDE = 0.4
 
 
 def axes(pad: Dimensions) -> list[np.ndarray]:
-    """x of the columns' axes and y of the rows', ascending, mm."""
+    """Ascending x of the axes of the columns of cells, and ascending y of those of the rows, mm."""
     return [(np.arange(count) - 0.5 * (count - 1)) * pad.pitch for count in (pad.columns, pad.rows)]
 
 
@@ -95,7 +95,7 @@ def shifts_between_planes(points: np.ndarray, planes: list[np.ndarray], target_p
 
 @dataclass(frozen=True)
 class Rays:
-    """Rays from the axis of a cell through points of its region.
+    """N rays, each from the axis of a cell through a point of the cell's region.
 
     Attributes
     ----------

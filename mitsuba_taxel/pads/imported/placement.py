@@ -110,7 +110,7 @@ class Placement(NamedTuple):
         extent : (2, 3) array_like
             Lowest and highest coordinates of the pad, mm.
         cells : (K, 2, 3) array_like
-            Lowest and highest corners of the cells.
+            Lowest and highest coordinates of each of K cells, mm.
         """
         low, high = np.asarray(extent)
         shown = ", ".join(f"({x:.3g}, {y:.3g})" for x, y in np.mean(cells, axis=1)[:MOST_CENTRES, :2] + 0.0)

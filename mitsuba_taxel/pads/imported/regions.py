@@ -185,7 +185,8 @@ def _looks_down(surface: FacedSurface, group: np.ndarray) -> np.ndarray:
 
 
 class _Faces:
-    """Mean normal (F, 3) of each face, its centroid (F, 3), and whether it lies on the board or at the top."""
+    """For each of F faces of a surface: mean normal (F, 3), centroid (F, 3), and whether it lies on the board or at the
+    top."""
 
     def __init__(self, surface: FacedSurface) -> None:
         vector, face = area_normals(surface.vertices, surface.triangles), surface.face

@@ -31,11 +31,11 @@ def on_round_faces(
     surface_points : (K, 3) ndarray
         Nodes of a mesh on the surface of the body, mm.
     surface_faces, surface_face : (A, 6) and (A,) ndarray
-        Boundary triangles of the body, and the face of the body that each follows.
+        Nodes of the A boundary triangles of the body, and the face of the body that each follows.
     points : (N, 3) ndarray
         Nodes of the mesh to be corrected, mm.
     faces, face : (B, 6) and (B,) ndarray
-        Boundary triangles of the mesh, and their faces.
+        Nodes of the B boundary triangles of the mesh, and the face of the body that each follows.
 
     Returns
     -------

@@ -49,14 +49,15 @@ def read_surface(content: bytes, suffix: str, placement: Placement = UNMOVED) ->
     if not len(triangles):
         raise GeometryError(f"it holds no triangles of the format {suffix[1:].upper()}")
     if len(triangles) > MOST_TRIANGLES:
-        raise GeometryError(f"it has {len(triangles)} triangles; at most {MOST_TRIANGLES} can be meshed")
+        raise GeometryError(f"it has {len(triangles)} triangles; at most {MOST_TRIANGLES} can be meshed: simplify it")
     if triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise GeometryError("a triangle refers to a missing vertex")
+        raise GeometryError("a triangle refers to a missing vertex; export it again")
     used, triangles = np.unique(triangles, return_inverse=True)
     vertices, triangles = vertices[used], triangles.reshape(-1, 3)
     if not np.all(np.isfinite(vertices)):
         raise GeometryError(
-            f"the coordinates of vertex {used[np.argmin(np.isfinite(vertices).all(axis=1))] + 1} are not finite"
+            f"the coordinates of vertex {used[np.argmin(np.isfinite(vertices).all(axis=1))] + 1} are not finite; "
+            "export it again"
         )
     return placement.placed(vertices), triangles
 
@@ -66,11 +67,13 @@ def _check_header(content: bytes) -> None:
     if content[:512].lstrip().lower().startswith(b"solid") and b"facet" in content[:1024].lower():
         return
     if len(content) < 84:
-        raise GeometryError(f"it is no STL: {len(content)} bytes are less than a header")
+        raise GeometryError(f"it is no STL: {len(content)} bytes are less than a header; export it again")
     count = int.from_bytes(content[80:84], "little")
     if len(content) != 84 + 50 * count:
         raise GeometryError(
-            f"it is no STL, or cut short: its header announces {count} triangles, for which it has the wrong length"
+            f"it is no STL, or cut short: its header announces {count} triangles, for which it has the wrong length; "
+            "export "
+            "it again"
         )
 
 

@@ -55,8 +55,8 @@ def mesh_by_tetwild(
     if not has_ftetwild():
         require_netgen("meshing a pad")
         raise ComputationError(
-            "Netgen cannot fill the surface of this pad, and the package pytetwild, which may, is not installed: pip "
-            "install pytetwild, or repair the surface."
+            "Netgen cannot fill the surface of this pad, and the package pytetwild, which may succeed, is not "
+            "installed: pip install pytetwild, or repair the surface."
         )
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     mesh_size = min(mesh_size, LARGEST_EDGE * diagonal)

@@ -13,7 +13,7 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 MOULD = 3.0
 """Thickness of the mould around the pad, mm."""
 CURVATURE = 4
-"""Triangles of an STL file per radius of a round wall."""
+"""Number of triangle edges of an STL file per radius of curvature of a round wall."""
 SURFACES = 4
 """Number of Netgen's meshing steps that precede the volume."""
 

@@ -63,7 +63,7 @@ def lean(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
 
 
 def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -> np.ndarray:
-    """Derivative of :func:`lean` by `top_x` or `top_y`. Midpoints of straight edges remain midpoints.
+    """Derivative of :func:`lean` with respect to `top_x` or `top_y`. Midpoints of straight edges remain midpoints.
 
     Parameters
     ----------

@@ -45,9 +45,9 @@ FINER_DOMES = 0.5
 elements shrink additionally, in proportion to the relative mesh size, because the remaining error of mirrors stems from
 their normals."""
 FINER_EDGES, EDGE_EXPONENT = 0.5, 3.0
-"""Exponent and smallest value of an additional factor of the size of elements along the singular edges of flat roofs.
-On meshes finer than the default, these elements shrink additionally, by this power of the relative mesh size, because
-the error of slopes under tangential forces arises there."""
+"""Smallest value of an additional factor of the size of elements along the singular edges of flat roofs, and its
+exponent. On meshes finer than the default, these elements shrink additionally, by this power of the relative mesh size,
+because the error of slopes under tangential forces arises there."""
 CUT = 0.2
 """Position of the cut of elements at a singular edge, relative to their length."""
 CURVATURE_SAFETY = 2.0

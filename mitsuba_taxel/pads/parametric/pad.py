@@ -127,7 +127,7 @@ class Pad(Kinded, Displayed):
     )
 
     _height_follows: ClassVar[bool] = False
-    """Whether `cell_height` is the default."""
+    """Whether `cell_height` is not set, and is the default height."""
 
     def _check(self) -> None:
         if self.cell_height is None:

@@ -22,7 +22,7 @@ def onto_round_walls(
     pad : Pad
         Pad with the walls, mm.
     points : (N, 3) ndarray
-        In mm, undeformed, near the walls.
+        Undeformed positions near the walls, mm.
     region, cell : (N,) ndarray
         Code of the region and number of the cell of each point.
     beside : (N, 3) ndarray, optional
@@ -31,7 +31,7 @@ def onto_round_walls(
     Returns
     -------
     projected : (N, 3) ndarray
-        In mm; points of flat walls and of other regions are unchanged.
+        Projected points in mm; points of flat walls and of other regions are unchanged.
     gradient : (N, 3, 3) ndarray
         Derivative of each projected point with respect to the point.
     """

@@ -21,7 +21,8 @@ LOW = 25
 
 
 def radii(patches: Patches) -> np.ndarray:
-    """A low percentile (P,) of the smaller principal radius of curvature on each patch, in mm; infinite for planes."""
+    """A low percentile (P,) of the smaller principal radius of curvature on each of P patches, in mm; infinite for
+    planes."""
     triangles, patch = patches.triangles, patches.patch
     edges, pairs = neighbours(triangles)
     inside = patch[pairs[:, 0]] == patch[pairs[:, 1]]
@@ -46,8 +47,8 @@ def radii(patches: Patches) -> np.ndarray:
 
 
 def _edge_curvature(patches: Patches, edges: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angle (E,) between the two triangles at each edge, positive where concave, and the edge's contribution (E, 3, 3)
-    in mm to the integral of the curvature tensor."""
+    """Angle (E,) between the two triangles at each of E edges, positive where concave, and the edge's contribution (E,
+    3, 3) in mm to the integral of the curvature tensor."""
     first, second = patches.normals[pairs.T]
     start, end = patches.vertices[edges.T]
     beyond = patches.vertices[patches.triangles[pairs[:, 1]]].mean(axis=1) - start

@@ -52,7 +52,7 @@ def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, n
     vertices, triangles = _welded(np.round(vertices, ROUNDING), triangles, WELD * diagonal)
     triangles = _distinct(triangles)
     if not len(triangles):
-        raise GeometryError("none of its triangles has an area")
+        raise GeometryError("none of its triangles has an area; a closed surface is needed")
     _check_manifold(vertices, triangles)
     triangles = _filled(vertices, _consistent(vertices, triangles), TINY_HOLE * diagonal)
     _check_one_body(vertices, triangles)
@@ -68,7 +68,9 @@ def _welded(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> tu
     unique, number = np.unique(vertices, axis=0, return_inverse=True)
     tree = PointTree(unique)
     if tree.count_pairs(tolerance) > MOST_PAIRS:
-        raise GeometryError(f"too many of its vertices lie within {tolerance:.2g} mm of each other")
+        raise GeometryError(
+            f"too many of its vertices lie within {tolerance:.2g} mm of each other; larger triangles are needed"
+        )
     component = components(len(unique), tree.query_pairs(tolerance))
     _, first = np.unique(component, return_index=True)
     return unique[first], component[number.reshape(-1)][triangles]
@@ -107,7 +109,9 @@ def _consistent(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     forward, backward = component[:count], component[count:]
     if np.any(forward == backward):
         where = place(vertices[triangles[np.argmax(forward == backward)]].mean(axis=0))
-        raise GeometryError(f"its surface has no inside: its triangles cannot be oriented consistently at {where}")
+        raise GeometryError(
+            f"its surface has no inside: its triangles cannot be oriented consistently at {where}; repair it there"
+        )
     # Of the two orientations of a connected component, the one that reverses fewer triangles.
     votes = np.bincount(forward, minlength=component.max() + 1)
     reverse = (votes[forward] < votes[backward]) | ((votes[forward] == votes[backward]) & (forward > backward))
@@ -171,7 +175,7 @@ def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: flo
             continue
         compared += len(first)
         if compared > MOST_COMPARED:
-            raise GeometryError("too many of its triangles lie across each other")
+            raise GeometryError("too many of its triangles lie across each other; repair the surface")
         _check_pairs(vertices, triangles, first, second, tolerance)
 
 
@@ -194,7 +198,9 @@ def _check_pairs(
             disjoint = ~np.any(ends[:, :, None] == triangles[pierced_triangles][:, None], axis=(1, 2))
             through, points = _pierced(vertices[ends[disjoint]], corners[pierced_triangles[disjoint]], tolerance)
             if through.any():
-                raise GeometryError(f"its surface intersects itself at {place(points[np.argmax(through)])}")
+                raise GeometryError(
+                    f"its surface intersects itself at {place(points[np.argmax(through)])}; repair it there"
+                )
 
 
 def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:

@@ -163,7 +163,7 @@ class Patches:
         Returns
         -------
         (N, 3) ndarray
-            In mm; points on one patch are unchanged.
+            Positions in mm; points on one patch are unchanged.
         """
         result = points.copy()
         multiple = np.flatnonzero(belongs.sum(axis=1) > 1)
