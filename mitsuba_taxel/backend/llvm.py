@@ -121,7 +121,9 @@ def _skip_optional_passes(library: str) -> None:
 
 
 def is_fit() -> bool:
-    """Whether Dr.Jit has loaded a suitable LLVM. Without one, any array of an LLVM variant terminates the process."""
+    """Whether Dr.Jit has loaded a suitable LLVM.
+
+    If it has not, the process ends as soon as an array of an LLVM variant is created."""
     import drjit as dr
 
     version = dr.detail.llvm_version()

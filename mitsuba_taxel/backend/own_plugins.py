@@ -18,10 +18,10 @@ _LOADED: dict[Path, None] = {}
 
 
 def load_plugins(*files: str | Path) -> None:
-    """Run Python files that register plugins, such as by ``mi.register_bsdf``, once in a process.
+    """Run Python files that register Mitsuba plugins, for example by ``mi.register_bsdf``; each runs once per process.
 
-    Worker processes and Dask workers of studies run the files as well, under the same path. A folder of results depends
-    on the contents of the files: it is refused after a file has changed.
+    Worker processes and Dask workers of studies run the same files, from the same paths. Results on disk belong to the
+    contents of the files: after a file has changed, a study in the same folder is refused.
 
     Parameters
     ----------

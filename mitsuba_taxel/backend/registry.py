@@ -138,7 +138,7 @@ def check_backend(variant: str) -> None:
 
 
 def work_of_processor(variant: str) -> str | None:
-    """What the processor computes although a variant uses a graphics card, in words; None if it uses none.
+    """A sentence that says which computations run on the CPU even in a variant for graphics cards.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def work_of_processor(variant: str) -> str | None:
     Returns
     -------
     str or None
-        A sentence.
+        The sentence; None for a variant that does not use a graphics card.
     """
     if not variant.startswith("cuda"):
         return None

@@ -14,7 +14,9 @@ _LOCK = threading.RLock()
 
 
 def in_turn(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Decorator of functions of which only one may run at a time, in any thread; calls wait for each other.
+    """Decorator that guards a function by the process's lock for Mitsuba: only one decorated function runs at a time.
+
+    Calls from other threads wait. A decorated function may call another decorated function.
 
     Parameters
     ----------

@@ -7,10 +7,10 @@ import sys
 
 
 def annotations_of(class_: type) -> dict[str, str]:
-    """Annotations of a class, without those of its bases.
+    """Source text of the annotations of a class, without those of its base classes.
 
-    Python 3.14 evaluates annotations on request, but some annotations contain names that only type checkers import:
-    their source is returned.
+    Python 3.14 evaluates annotations when they are read, which fails for names that only type checkers import. The
+    source text of annotations is therefore returned in every version.
 
     Parameters
     ----------

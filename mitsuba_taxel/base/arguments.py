@@ -61,7 +61,7 @@ def refusal(name: str, value: object, needed: str) -> InputError:
 
 
 def path_of(name: str, value: object) -> Path:
-    """A path, from a path or a text.
+    """Convert the value of a parameter to a ``Path``.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def text_of(name: str, value: str) -> str:
 
 
 def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
-    """A mapping from names of parameters; None is an empty mapping.
+    """Check that the value of a parameter is a mapping whose keys are names; None becomes an empty mapping.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
 
 
 def array_of(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """An array of finite numbers.
+    """Convert the value of a parameter to an array, and check its shape and that all its numbers are finite.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def plain_number(value: Any) -> Any:
 
 
 def word_of(value: object) -> str:
-    """The value of a scene's parameter as text; numbers of NumPy are written with the digits of their precision.
+    """Convert the value of a scene's parameter to text; a number of NumPy is written in the digits of its precision.
 
     Parameters
     ----------
@@ -359,7 +359,7 @@ def is_row(value: object, of: Callable[[object], bool]) -> bool:
 
 
 def names_of(name: str, value: object) -> tuple[str, ...]:
-    """A sequence of names of parameters.
+    """Check that the value of a parameter is a sequence of names, and convert it to a tuple.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ class _OfFunction:
 
 
 class Recent(Generic[_Result]):
-    """A cache, common to all threads, of results that are determined by arrays.
+    """A cache of results that are computed from arrays; all threads share it, and the least recent results go first.
 
     Parameters
     ----------

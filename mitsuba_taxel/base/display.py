@@ -13,7 +13,7 @@ class Displayed:
     Attributes
     ----------
     html_of : Callable[[Displayed], str]
-        Function that returns the HTML of such an object; set when the package is imported.
+        Function that returns the HTML of an object; assigned when ``mitsuba_taxel`` is imported.
     """
 
     html_of: ClassVar[Callable[[Displayed], str]]

@@ -38,7 +38,7 @@ class Kind:
     meaning : str
         Meaning of the name of a kind, in a few words for lists; empty if it is obvious.
     uses : tuple[str, ...]
-        Attributes of those parameters, common to several kinds, that this kind uses.
+        Names of the attributes of shared parameters that this kind uses. Several kinds of the family share them.
     prefix : str
         Prefix of the names of a family's parameters in a scene, such as ``indenter_``.
 

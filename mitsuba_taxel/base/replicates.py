@@ -26,7 +26,7 @@ def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
     Returns
     -------
     ndarray
-        Standard errors, in the unit of the replicates and without that axis.
+        Standard errors, in the unit of the replicates and without the axis of the replicates.
     """
     count = replicates.shape[axis]
     if count < 2:
@@ -36,7 +36,9 @@ def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
 
 
 def largest_scatter_share(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
-    """Largest contribution of one replicate to the sum of squared deviations from the mean; see `MOST_OF_SCATTER`.
+    """Fraction of the scatter of replicates that is due to a single replicate; see `MOST_OF_SCATTER`.
+
+    The scatter is the sum of squared deviations from the mean; the replicate with the largest deviation counts.
 
     Parameters
     ----------
@@ -48,7 +50,7 @@ def largest_scatter_share(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
     Returns
     -------
     ndarray
-        Fraction from 0 to 1, without that axis; 0 if all replicates are equal.
+        Fractions from 0 to 1, without the axis of the replicates; 0 if all replicates are equal.
     """
     squares = (replicates - replicates.mean(axis=axis, keepdims=True)) ** 2
     total = squares.sum(axis=axis)

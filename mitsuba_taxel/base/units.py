@@ -19,7 +19,7 @@ PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Divisor that makes numbers up to ``largest`` at most 1000, and the unit with the corresponding prefix.
+    """Choose the SI prefix with which numbers up to ``largest`` are shown as at most 1000.
 
     Units of percent and dimensionless numbers have no prefix.
 
@@ -33,7 +33,7 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     Returns
     -------
     divisor : float
-        A power of 1000.
+        Power of 1000 by which the numbers are divided.
     unit : str
         Unit with prefix, such as nW.
     """

@@ -118,12 +118,12 @@ class Circuit(Checked):
                 )
 
     def _grown(self, drift: float) -> float:
-        """Factor of a quantity with a relative drift, at the temperature of the circuit."""
+        """Factor by which a quantity with this relative drift per K changes from 25 degrees C to `temperature`."""
         return 1 + drift * (self.temperature - ROOM_TEMPERATURE)
 
     @property
     def current_per_power(self) -> float:
-        """Photocurrent per power of a reading, in A/W, at the LED current and the temperature."""
+        """Photocurrent in A per W of reading, at the LED current and the temperature of the circuit."""
         emitted = 1.0 if self.led_current is None else self.led_current * (self.led_efficiency or 0.0)
         return emitted * self._grown(self.led_drift) * self.transfer * self._grown(self.transfer_drift)
 

@@ -25,7 +25,7 @@ FEW_COUNTS = 20
 
 
 def unused_range(circuit: Circuit, largest: int) -> list[str]:
-    """A note if readings use little of the range of the converter, with the load resistance that uses half of it.
+    """A note if the largest reading uses a small part of the converter's range; it names a better load resistance.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def unused_range(circuit: Circuit, largest: int) -> list[str]:
 
 
 def resolution_notes(step: float, noise: np.ndarray) -> list[str]:
-    """A note if the step of the converter hides the noise before it in any reading.
+    """A note if, in any reading, the noise at the converter's input is smaller than its steps can resolve.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ MOST_HALVINGS = 30
 
 
 def straight_pieces(circuit: Circuit, most: float) -> tuple[np.ndarray, np.ndarray]:
-    """Powers from 0 to ``most``, and the voltages there, between which the response is nearly linear.
+    """Corners of a piecewise linear function that approximates the response of a circuit to powers up to ``most``.
 
     Pieces are halved until the response at a quarter, the middle and three quarters of each is within
     :data:`SHARE_OF_COUNT` of a count or :data:`SHARE_OF_SUPPLY` of the supply.
@@ -29,7 +29,7 @@ def straight_pieces(circuit: Circuit, most: float) -> tuple[np.ndarray, np.ndarr
     Returns
     -------
     power, voltage : (K,) ndarray
-        Ends of the pieces in W and V.
+        Powers in W and voltages in V at the K corners; the first power is 0, the last is ``most``.
     """
     allowed = max(SHARE_OF_COUNT * circuit.step, SHARE_OF_SUPPLY * circuit.supply)
     power = np.array([0.0, most])

@@ -117,7 +117,7 @@ def respond(circuit: Circuit, power: Any) -> Response:
 
 
 def lit(power: Any) -> np.ndarray:
-    """Powers as input of a circuit: powers that are missing, or negative due to their error, become 0.
+    """Replace powers that are missing (NaN), or negative due to their error, by 0, as input of a circuit.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
 
 
 def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
-    """Optical power at which the converter reads a voltage; the inverse of :func:`respond`.
+    """Optical power that gives a voltage at the converter: the inverse of :func:`respond`.
 
     Parameters
     ----------

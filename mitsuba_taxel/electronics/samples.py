@@ -10,10 +10,10 @@ from mitsuba_taxel.electronics.response import counts_of, lit, respond
 
 
 def sampled(circuit: Circuit, power: np.ndarray, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """A random sample of each reading, with its noise.
+    """Draw a noisy voltage, and its counts, for each optical power.
 
-    The voltage contains all noise except that of the converter; the counts contain its steps and its range. Missing and
-    negative powers count as 0.
+    The voltage has all noise except the quantisation of the converter; counts are the voltage rounded to the steps of
+    the converter within its range. Missing and negative powers count as 0.
 
     Parameters
     ----------

@@ -56,16 +56,16 @@ def saturated_words(circuit: Circuit, power: Any) -> str:
 
 
 def saturation_force(circuit: Circuit, force: Any, power: Any) -> np.ndarray:
-    """Force of least magnitude at which the output is at the circuit's limit.
+    """Force of least magnitude at which the output of each taxel reaches the circuit's limit.
 
     Parameters
     ----------
     circuit : Circuit
         Phototransistor, load, buffer and converter.
     force : (K,) array_like
-        Forces in N, in any order.
+        K forces in N, in any order.
     power : (..., K, T) array_like
-        Readings in W at these forces; they are interpolated linearly.
+        Readings in W of T taxels at these forces; they are interpolated linearly.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def saturation_force(circuit: Circuit, force: Any, power: Any) -> np.ndarray:
 
 
 def change_to_saturation(circuit: Circuit, power: Any, slopes: Any) -> np.ndarray:
-    """Changes of parameters that bring the output to the circuit's limit, if the power is linear in the parameters.
+    """Change of each parameter at which the output reaches the circuit's limit, with a power linear in the parameter.
 
     Parameters
     ----------
@@ -106,12 +106,13 @@ def change_to_saturation(circuit: Circuit, power: Any, slopes: Any) -> np.ndarra
     power : (T,) array_like
         Readings in W.
     slopes : (T, P) array_like
-        Their derivatives with respect to the parameters.
+        Derivatives of the readings with respect to P parameters.
 
     Returns
     -------
     (T, P) ndarray
-        Changes; 0 where the output is at its limit, infinite where the power does not depend on the parameter.
+        Changes in the units of the parameters; 0 where the output is at its limit already, infinite where the power
+        does not depend on the parameter.
     """
     slopes = np.asarray(slopes, dtype=float)
     missing = np.maximum(saturating_power(circuit) - np.asarray(power, dtype=float), 0.0)[:, None]

@@ -15,7 +15,7 @@ from mitsuba_taxel.electronics.saturation import change_to_saturation
 
 
 class ShownDerivatives(NamedTuple):
-    """Derivatives of T readings by P parameters behind a circuit.
+    """Derivatives of the outputs of T taxels behind a circuit with respect to P parameters.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class ShownDerivatives(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """Readings (T,) behind a circuit.
+    """Outputs of a circuit for the readings of T taxels.
 
     Attributes
     ----------

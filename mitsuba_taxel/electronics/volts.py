@@ -54,7 +54,7 @@ def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
 
 
 def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
-    """The circuit of a study, the same for all of its scenes, or None.
+    """The circuit with which a study was computed; all its scenes have the same circuit.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def circuit_of_study(study: xr.Dataset | xr.DataTree) -> Circuit | None:
     Returns
     -------
     Circuit or None
-        Circuit of all scenes; None without a circuit.
+        The circuit; None if the study has only optical powers.
     """
     attributes = study.leaves[0].attrs if isinstance(study, xr.DataTree) else study.attrs
     return circuit_of(json.loads(attributes["circuit"])) if "circuit" in attributes else None

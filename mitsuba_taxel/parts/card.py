@@ -78,7 +78,7 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
 
 
 def distance_model(part: Part, heights: Any) -> np.ndarray:
-    """Power on the detector under the kind of reflector of the part's distance curve, of reflectance 1.
+    """Power on the detector under the reflector of the datasheet's distance curve, with a reflectance of 1.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def distance_model(part: Part, heights: Any) -> np.ndarray:
     Returns
     -------
     (N,) ndarray
-        Result of `mirror_curve` or `card_curve`.
+        Power in W per W that the emitter's die sends into the resin: the result of `mirror_curve` or of `card_curve`.
 
     Raises
     ------

@@ -119,7 +119,7 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
 
 
 def leaving_share(part: Part) -> float:
-    """Fraction of the emitter's light that leaves its window.
+    """Fraction of the emitter's power that leaves its window, after refraction and reflection there.
 
     Parameters
     ----------
@@ -141,7 +141,9 @@ def leaving_share(part: Part) -> float:
 
 
 def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5, 0.9)) -> np.ndarray:
-    """Positions of the straight edge of a mirror at which it returns fractions of the power of an infinite mirror.
+    """Positions of a mirror's straight edge at which the detector receives given fractions of its largest power.
+
+    The largest power is that under an infinite mirror at the same height.
 
     Parameters
     ----------
@@ -152,12 +154,12 @@ def edge_positions(part: Part, height: float, axis: int, shares: Any = (0.1, 0.5
     axis : int
         Axis along which the edge moves: 0 for x, 1 for y. The mirror lies on the lower side of its edge.
     shares : float or (N,) array_like
-        Fractions between 0 and 1.
+        N fractions between 0 and 1.
 
     Returns
     -------
     (N,) ndarray
-        Distances from the body's centre, mm.
+        Position of the edge along the axis for each fraction, from the body's centre, mm.
 
     Raises
     ------

@@ -25,7 +25,7 @@ _E12 = (1.0, 1.2, 1.5, 1.8, 2.2, 2.7, 3.3, 3.9, 4.7, 5.6, 6.8, 8.2)
 
 
 def circuit_of_part(part: Part) -> Circuit:
-    """A circuit with which a scene with this part has the currents of its datasheet.
+    """A circuit for a part, with a current per optical power that reproduces the currents of its datasheet.
 
     At the distance and LED current of the datasheet, the power that the detector receives under the datasheet's
     reflector (`distance_model`) gives the typical collector current. The load resistance is the largest of the E12

@@ -194,7 +194,7 @@ def as_parameter(column: Column) -> tuple[str, list[str]]:
 
 
 def ask_for_grams(what: str, column: Column, numbers: np.ndarray) -> None:
-    """Warn of forces in N that look like weights in g: several whole numbers, the largest 50 or more.
+    """Warn if forces in N are probably weights in g: if they are several whole numbers, the largest at least 50.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ def memory_limit(most: int, kind: str = "AS") -> int:
 
 
 def confine(memory: int, kind: str = "AS") -> None:
-    """Limit the memory of this process, let it write no memory dump, and let it end with its parent.
+    """Limit the memory of this process, disable its core dump, and end it when its parent process ends.
 
     Windows has no such limit, and macOS may refuse it: on these systems, a process that takes too much memory is not
     stopped.
@@ -118,17 +118,17 @@ def _follow(parent: int) -> None:
 
 
 def is_alive(process: int) -> bool:
-    """Whether a process exists, of any user.
+    """Whether a process of any user exists.
 
     Parameters
     ----------
     process : int
-        Number of the process.
+        Process ID.
 
     Returns
     -------
     bool
-        Whether it exists; also True if that is not known.
+        False if there is no process with this ID; True if there is one, or if the system does not tell.
     """
     try:
         if sys.platform == "win32":  # os.kill(process, 0) would interrupt the process

@@ -26,14 +26,14 @@ class NoAnswer(Exception):
 def answer_of(
     command: Sequence[str], given: bytes, seconds: float, environment: Mapping[str, str] | None = None
 ) -> bytes:
-    """Output of a process, which may crash, hang or exhaust memory.
+    """Run a command that may crash, hang or exhaust memory, and return its standard output.
 
     Parameters
     ----------
     command : sequence of str
         Program and arguments.
     given : bytes
-        Standard input.
+        Bytes written to the standard input of the command.
     seconds : float
         Time after which the process is stopped.
     environment : Mapping[str, str], optional
