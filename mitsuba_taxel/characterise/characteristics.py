@@ -26,7 +26,7 @@ NOT_ABOVE = "as the mean"
 
 
 def characteristics(experiments: Iterable[Experiment], off: Changed | None = None) -> pandas.DataFrame:
-    """Sensitivities, nonlinearity, hysteresis and repeatability, one number per row.
+    """Table of sensitivity, nonlinearity, hysteresis and repeatability of experiments, one number per row.
 
     Slopes are computed for each run of growing force; the relative slope is the mean slope over the reading at rest.
     Nonlinearity is computed for each branch of growing force, hysteresis for each such branch and the branch of falling
@@ -37,8 +37,9 @@ def characteristics(experiments: Iterable[Experiment], off: Changed | None = Non
     experiments : iterable of Experiment
         Experiments of a study or a measurement.
     off : dict of lists of two lists of Experiment, optional
-        For each mode of the errors of the pad's shape: the same experiments with their readings changed up and down by
-        that mode. Errors in the table then include the errors of the shape.
+        Effect of the errors of the pad's shape, as `Simulated.off` states it. For each independent component (mode) of
+        these errors: two lists of the same experiments, with readings changed by the component and by its negative.
+        Errors in the table then include the errors of the shape.
 
     Returns
     -------

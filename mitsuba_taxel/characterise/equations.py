@@ -17,12 +17,12 @@ from mitsuba_taxel.characterise.replicates import at_largest
 
 
 class Deviation(NamedTuple):
-    """A deviation in percent of the largest change, for each channel.
+    """Largest difference of two branches of each channel, in percent of the channel's largest change.
 
-    ``percent`` (channels,) is free of the bias that a maximum of noisy magnitudes has: each half of the replicates is
-    evaluated where the other half has its maximum, and with the sign of that maximum. It may therefore be negative if
-    there is no deviation. ``error`` (channels,) is 1 sigma from the replicates; with one replicate it is NaN and the
-    bias remains. ``at`` (channels,) is the force in N.
+    ``percent`` (channels,) is the difference. The maximum of noisy magnitudes would be biased upwards. Each half of the
+    replicates is therefore evaluated at the force where the other half has its maximum, with the sign of that maximum;
+    the result may be negative if the branches do not differ. ``error`` (channels,) is one standard deviation from the
+    replicates; with one replicate it is NaN, and the bias remains. ``at`` (channels,) is the force in N of the maximum.
     """
 
     percent: np.ndarray
@@ -122,7 +122,7 @@ def from_line(branch: Branch, nominal: Branch) -> np.ndarray:
 
 
 def share_forces(first: Branch, second: Branch) -> bool:
-    """Whether two branches have a range of force in common."""
+    """Whether the ranges of force of two branches overlap."""
     low, high = _overlap(first, second)
     return bool(low < high)
 

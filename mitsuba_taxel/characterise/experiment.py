@@ -104,7 +104,7 @@ class Branch:
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """The runs of one line of load, with all other parameters fixed.
+    """Readings of all taxels along one straight line of load, with all other parameters fixed.
 
     Parameters
     ----------
@@ -117,9 +117,9 @@ class Experiment:
     unit : str
         ``W`` or ``V``.
     taxel : (channels,) ndarray
-        The taxels' numbers.
+        Number of the taxel of each channel.
     runs : tuple[Branch, ...]
-        Sections from one turning point of the force to the next; a run may pass through zero.
+        Runs: sections from one turning point of the force to the next. A run may pass through zero.
     ordered : bool
         Whether the load passed through the forces in this order. If not, as for independent scenes, every branch
         counts as a branch of growing force.
@@ -198,7 +198,7 @@ def parts_at_zero(force: np.ndarray) -> list[slice]:
 
 
 def since(start: np.ndarray, runs: Iterable[Branch]) -> tuple[Branch, ...]:
-    """Runs with a reading subtracted from all samples.
+    """Subtract a reading from all samples of runs.
 
     Parameters
     ----------

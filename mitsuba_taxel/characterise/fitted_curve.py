@@ -43,14 +43,14 @@ class FittedSlopes(NamedTuple):
     samples : (P, R, C) ndarray
         Slopes of each replicate.
     fit_error : (P, C) ndarray
-        Standard deviations of the slopes by the fit.
+        Standard deviations of the slopes due to the fit: the readings do not determine the curve between the forces.
     interpolation_noise : (P, C) ndarray
-        Standard errors due to noise of the slopes of the polynomial through all readings. A larger error by the fit
-        shows that the forces, rather than the replicates, are too few.
+        Standard errors, due to noise, of the slopes of the polynomial that passes through all readings. Where
+        ``fit_error`` is larger, more forces are needed rather than more replicates.
     values : (P, R, C) ndarray
-        Readings of each replicate.
+        Values of the curve for each replicate.
     value_fit_error : (P, C) ndarray
-        Standard deviations of the readings by the fit.
+        Standard deviations of the values due to the fit.
     """
 
     samples: np.ndarray
@@ -76,7 +76,7 @@ class FittedSlopes(NamedTuple):
 
 
 def fitted_slopes(force: np.ndarray, samples: np.ndarray, positions: np.ndarray) -> FittedSlopes:
-    """Slopes of the smooth curve through noisy readings.
+    """Fit a smooth curve to noisy readings along a force, and return its slopes and values with their errors.
 
     Parameters
     ----------
@@ -85,12 +85,12 @@ def fitted_slopes(force: np.ndarray, samples: np.ndarray, positions: np.ndarray)
     samples : (N, R, C) ndarray
         Readings of R replicates, two or more, and C channels. Noise may be correlated between forces.
     positions : (P,) ndarray
-        Forces in N at which slopes are returned.
+        P forces in N at which slopes and values are returned.
 
     Returns
     -------
     FittedSlopes
-        Slopes in the unit of the readings per N.
+        Slopes in the unit of the readings per N, values in the unit of the readings.
     """
     # Legendre polynomials of the force, scaled to -1 ... 1, and their derivatives by the force.
     middle, half = (force.max() + force.min()) / 2, np.ptp(force) / 2

@@ -75,7 +75,9 @@ def load_lines(study: xr.Dataset) -> list[LoadLine]:
 
 
 def loading_lines(study: xr.Dataset) -> list[LoadLine]:
-    """The lines of growing force; of a path that goes up and down along one line, only the first run.
+    """Lines of load in which the magnitude of the force grows, the first for each direction of a path.
+
+    A path that loads and unloads several times along one direction thus gives its first loading run only.
 
     Parameters
     ----------
@@ -109,9 +111,9 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
     Yields
     ------
     where : dict[str, Any]
-        Values of the other parameters by name.
+        Values of the other varied parameters by name.
     run : Branch
-        Forces in N and readings in W.
+        Forces in N and readings in the unit of the study, along the line.
     """
     power = study.replicate_power.isel({line.dim: line.positions})
     other_dims = [dim for dim in power.dims if dim not in (line.dim, "replicate", "taxel")]
@@ -168,7 +170,7 @@ def _tangents(study: xr.Dataset, line: LoadLine, other_dims: list[Any]) -> Tange
 
 
 def experiments(study: xr.Dataset | xr.DataTree) -> list[Experiment]:
-    """Every line of load of a study, one experiment for each combination of the other varied parameters.
+    """Experiments of a study: one for each line of load and each combination of the other varied parameters.
 
     Experiments of several scenes are distinguished by ``scene``. The runs of a path up and down along one line form one
     experiment. Runs without any reading are left out. Changes are relative to the point of least force, or the first of

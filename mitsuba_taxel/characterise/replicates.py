@@ -17,7 +17,7 @@ FEWEST_SMOOTH = 4
 
 
 class Largest(NamedTuple):
-    """The largest in magnitude of many noisy numbers, without the bias due to choosing it.
+    """Result of :func:`at_largest`: the number of largest magnitude, without the bias due to its choice.
 
     Attributes
     ----------
@@ -52,13 +52,18 @@ class Largest(NamedTuple):
 
 
 def at_largest(samples: np.ndarray) -> Largest:
-    """The largest of noisy numbers, given as samples (points, replicates, channels).
+    """Estimate the number of largest magnitude among noisy numbers, such as slopes at the points of a curve.
 
-    The largest of many noisy numbers is biased upwards. Each half of the replicates is therefore evaluated where the
-    other half is largest: that choice is independent of the noise of this half. Halves that choose points of opposite
-    signs agree in the magnitude. Noise may choose a point that is not the largest, so the estimate is low, by up to
-    ``excess``. The half that chooses is therefore smoothed along the points: slopes between neighbouring points may
-    differ by less than their noise. With one replicate there is no other half, and the bias remains.
+    The largest of many noisy numbers is biased upwards. Each half of the replicates is therefore evaluated at the point
+    where the other half is largest: that choice is independent of the noise of this half. If the two halves choose
+    points of opposite signs, their magnitudes are averaged. Noise may choose a point whose number is not the largest,
+    so the estimate is too low by up to ``excess``. To choose well, the choosing half is first smoothed along the
+    points. With one replicate there is no other half, and the bias remains.
+
+    Parameters
+    ----------
+    samples : (points, replicates, channels) ndarray
+        The noisy numbers in any unit.
 
     Returns
     -------

@@ -12,15 +12,17 @@ from mitsuba_taxel.electronics.volts import circuit_of_study
 
 
 def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit | None = None) -> xr.Dataset:
-    """Smallest covariance with which all readings of a study determine, together, the parameters that have derivatives.
+    """Resolution of a sensor: standard deviations with which its readings determine several parameters at once.
 
-    The covariance is the inverse of the Fisher information J^T N^-1 J of readings with slopes J and independent noise
-    of covariance N: no unbiased estimate is better (Cramer-Rao bound).
+    At each point of the study, all taxels together determine all parameters with derivatives. Their covariance is the
+    inverse of the Fisher information J^T N^-1 J, with the derivatives J and the covariance N of independent noise. No
+    unbiased estimate has a smaller covariance (Cramer-Rao bound).
 
     Parameters
     ----------
     study : Dataset
-        Results with derivatives, such as by fx, fy, fz, patch_x and patch_y, at any number of positions of the touch.
+        Results with derivatives, for example with respect to fx, fy, fz, patch_x and patch_y, at one or more positions
+        of the contact.
     noise : float, optional
         Standard deviation of each reading in W, instead of the noise of a circuit.
     circuit : Circuit, optional

@@ -13,9 +13,10 @@ from mitsuba_taxel.base.units import FORCES, LOADS, TIME
 
 
 def roles_of_study(study: xr.Dataset) -> dict[str, str]:
-    """Role of each parameter, as of `roles_of_parameters`.
+    """Role of each parameter of a study: the plugin parameter that the scene sets with it (see `roles_of_parameters`).
 
-    In studies that were built from numbers, without a scene, the role of a parameter is its name.
+    A role is, for example, ``fz``, ``time`` or ``indenter_x``. In a study that was built from numbers, without a scene,
+    the role of a parameter is its name.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ def roles_of_study(study: xr.Dataset) -> dict[str, str]:
 
 
 def force_parameters(study: xr.Dataset | xr.DataTree) -> list[str]:
-    """Names of the parameters of a study's scenes that are a component of the force, varied or not.
+    """Names of the scene parameters that set a component of the force, whether the study varies them or not.
 
     Parameters
     ----------
@@ -102,8 +103,9 @@ def _is_load(role: str) -> bool:
 
 
 def with_forces_named(study: xr.Dataset) -> xr.Dataset:
-    """The study with its force components renamed to ``fx``, ``fy`` and ``fz``, with their sign, and the time of the
-    load to ``time``.
+    """Rename the parameters of a study that set the force and the time of the load to ``fx``, ``fy``, ``fz``, ``time``.
+
+    A parameter that is used with a negative sign, as ``-$push``, changes its sign.
 
     The roles of the parameters are read from the attributes ``forces`` and ``roles``, which come from the scene; the
     result has no attribute ``forces``. Other parameters with one of these names are renamed to ``parameter fz`` and the

@@ -57,10 +57,10 @@ Changed = dict[Mode, list]
 
 
 def changed_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
-    """Studies with readings, and their derivatives with respect to forces, changed by each mode of the errors of the
-    pads' shape.
+    """Copies of a study whose readings are changed by each independent component (mode) of the pads' shape errors.
 
-    Each mode gives two studies, changed up and down. Forces have the names of `with_forces_named`.
+    Derivatives with respect to forces change accordingly. The module text defines the modes. Each mode gives two
+    studies: readings changed by one standard deviation up, and down. Forces have the names of `with_forces_named`.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def changed_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
     Returns
     -------
     dict[Mode, list[xr.Dataset]]
-        The two changed studies, by mode.
+        The two changed studies of each mode.
     """
     study = with_forces_named(study)
     modes = _modes([study])
@@ -78,7 +78,7 @@ def changed_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
 
 
 def scenes_changed_by_shape(study: xr.DataTree) -> dict[Mode, list[xr.DataTree]]:
-    """The changed studies of several scenes, as of `changed_by_shape`; scenes without a mode are unchanged by it."""
+    """Result of `changed_by_shape` for a study of several scenes; a mode that a scene lacks leaves it unchanged."""
     modes = _modes([leaf.to_dataset() for leaf in study.leaves])
     return _by_mode(modes, study.map_over_datasets(_changed, modes)) if modes else {}
 
@@ -89,9 +89,9 @@ def _by_mode(modes: list[Mode], changed: tuple) -> dict[Mode, list]:
 
 
 def shape_shift(value: np.ndarray, changed: list[np.ndarray]) -> np.ndarray:
-    """Change of a figure by a mode: the larger of the changes up and down, with the sign of the change up.
+    """Change of a figure of merit by a mode: the larger of its changes up and down, with the sign of the change up.
 
-    Figures that are magnitudes of differences may change little on one side, if the difference changes its sign there.
+    A figure that is the magnitude of a difference may change little on one side, where the difference changes its sign.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def with_shape(
     changed_figures: Mapping[Mode, list[np.ndarray]],
     derived: np.ndarray | bool = False,
 ) -> np.ndarray:
-    """Errors of the light combined with errors of the pads' shape.
+    """Total error of a figure of merit: the error due to the light, combined with the errors due to the pads' shape.
 
     Parameters
     ----------
@@ -132,15 +132,14 @@ def with_shape(
     Returns
     -------
     ndarray
-        Standard deviations.
+        Total errors, one standard deviation, of the same shape.
     """
     shape = np.sqrt(sum((shape_shift(value, pair) ** 2 for pair in changed_figures.values()), np.zeros_like(value)))
     return np.where(derived & ~(np.isnan(error) | np.isnan(shape)), np.maximum(error, shape), np.hypot(error, shape))
 
 
 def besides_shape(error: np.ndarray, shifts: Iterable[np.ndarray]) -> np.ndarray:
-    """Errors of derivatives without the errors of the shape: added in squares, both give the errors of the
-    derivatives."""
+    """Errors of derivatives with the errors of the shape subtracted in squares; at least 0."""
     return np.sqrt(np.maximum(error**2 - sum(shift**2 for shift in shifts), 0.0))
 
 

@@ -34,8 +34,8 @@ class Simulated(NamedTuple):
     experiments : list[Experiment]
         The lines of load.
     off : dict of lists
-        The same experiments with readings changed up and down by each mode of the errors of the shape, as
-        ``characteristics`` takes them.
+        Effect of the errors of the pads' shape. For each mode (see `changed_by_shape`): two lists of the same
+        experiments, with readings changed up and down by one standard deviation.
     maps : list[TangentialMap]
         Changes of all taxels under tangential loads.
     notes : list[str]
@@ -49,9 +49,10 @@ class Simulated(NamedTuple):
 
 
 def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | None = None) -> Simulated:
-    """The experiments of a study; none if no force is varied.
+    """Experiments of a study along its lines of load; the list is empty if no force is varied.
 
-    With a circuit, they are given in watts and in volts, distinguished by ``reading``.
+    With a circuit, each experiment is returned twice, in watts and in volts; its entry ``reading`` in ``where`` tells
+    which.
 
     Parameters
     ----------

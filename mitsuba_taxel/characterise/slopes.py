@@ -47,12 +47,14 @@ class Slopes(NamedTuple):
 
 
 def slopes(run: Branch) -> Slopes:
-    """All slopes of a run, computed for each replicate so that common noise of its readings cancels.
+    """Largest slope, mean slope and slope at zero force of the readings along a run, with their standard errors.
+
+    Slopes are computed for each replicate, so that noise which all readings of a replicate share cancels.
 
     Parameters
     ----------
     run : Branch
-        The run. If it has tangents, its slopes follow from them.
+        Readings along a force. If the run has derivatives (``tangents``), its slopes follow from them.
 
     Returns
     -------
@@ -85,7 +87,7 @@ def slopes(run: Branch) -> Slopes:
 
 
 def relative_slope(run: Branch, run_slopes: Slopes, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean slopes of a run over readings at rest, and their standard errors.
+    """Mean slopes of a run relative to the readings at rest, with their standard errors.
 
     The result is a ratio of means, with its error to first order; common noise of readings and rest cancels.
 

@@ -25,7 +25,7 @@ class Channel(NamedTuple):
 
 
 def common_channel(compared: Sequence[Experiment]) -> Channel:
-    """The channel by which experiments with equally many taxels along one force are compared.
+    """Choose the channel that represents all taxels when experiments along the same force are compared.
 
     Under a normal force it is the mean of the taxels. Under a tangential force, where taxels change in opposite
     directions, it is the taxel with the largest change on average over the experiments.
@@ -58,10 +58,10 @@ def most_affected(compared: Sequence[Experiment]) -> Channel:
 
 
 def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
-    """Slopes along the first run of each line of load.
+    """Table of the slopes along the first run of each line of load.
 
-    A single line has a row per taxel. Several lines of one force have one row each, for the channel of
-    :func:`common_channel`.
+    For a single line of load the table has a row per taxel. For several lines along the same force it has a row per
+    line, for the channel of :func:`common_channel`.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ class TangentialMap:
 
 
 def tangential_maps(study: xr.Dataset | xr.DataTree) -> list[TangentialMap]:
-    """A map for each line of tangential load of a study, at the largest of its forces.
+    """Maps of the changes of all taxels, one for each line of tangential load of a study, at its largest force.
 
     The numbers of rows and columns are the study's attributes ``rows`` and ``columns`` or the scene's parameters of
     these names; without them, the taxels are assumed to form a square.
@@ -84,7 +84,7 @@ def tangential_maps(study: xr.Dataset | xr.DataTree) -> list[TangentialMap]:
 
 
 def tangential_map(experiment: Experiment, rows: int, columns: int) -> TangentialMap:
-    """The map at the largest magnitude of force in the first run of an experiment.
+    """Map of the changes of all taxels at the largest force in the first run of an experiment.
 
     Parameters
     ----------

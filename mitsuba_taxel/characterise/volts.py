@@ -25,7 +25,7 @@ MOST_NAMED = 5
 
 
 def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float = math.inf) -> pandas.DataFrame:
-    """Figures of a study behind a circuit: one row per line of load and taxel, none if no force is varied.
+    """Table of the voltage, counts, noise and saturation of each taxel along each line of load of a study.
 
     Parameters
     ----------
@@ -39,12 +39,13 @@ def volts_table(study: xr.Dataset | xr.DataTree, circuit: Circuit, up_to: float 
     Returns
     -------
     pandas.DataFrame
-        Columns: ``force``; the other varied parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1
-        sigma) at the least force; ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and
-        ``mean_slope_counts_per_N``; ``signal_counts``, from the least force to the largest; ``noise_force_N``, the
-        force equivalent to the noise at the first step, and ``least_noise_force_N``, the least over all steps, both
-        infinite beyond the full scale of the converter, where nothing is read; ``saturation_N``, the least force at
-        which the output reaches the limit of the circuit, by linear interpolation of the power, NaN if it does not.
+        One row per line of load and taxel; no row if no force is varied. Columns: ``force``; the other varied
+        parameters; ``taxel``; ``rest_V``, ``rest_counts`` and ``noise_V`` (1 sigma) at the least force;
+        ``mean_slope_V_per_N`` and its ``_error``, between the ends of the line, and ``mean_slope_counts_per_N``;
+        ``signal_counts``, the counts between the least and the largest force; ``noise_force_N``, the noise as a force
+        at the first step, and ``least_noise_force_N``, the least over all steps, both infinite where the output exceeds
+        the full scale of the converter; ``saturation_N``, the least force at which the output reaches the limit of the
+        circuit, with power linear between the forces, NaN if the output does not reach the limit.
     """
     import pandas
 

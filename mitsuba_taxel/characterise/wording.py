@@ -65,7 +65,7 @@ def with_error(value: float, error: float, latex: bool = False) -> str:
 def table_rows(
     table: pandas.DataFrame, figures: Sequence[str], latex: bool = False
 ) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of selected figures of a table of characteristics, one row per taxel and run.
+    """Format selected figures of merit as a table of text, one row per taxel and run.
 
     Units have the prefix that suits the numbers of a figure. A remark replaces the number. Columns that are constant
     are left out, except the force and the taxel.
@@ -116,7 +116,7 @@ def table_rows(
 
 
 def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
-    """A table of characteristics split by the unit of the readings.
+    """Split a table of characteristics by the unit of the readings, W or V.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
     Returns
     -------
     dict[str, pandas.DataFrame]
-        Tables by unit; the whole table by ``""`` if readings have a single unit.
+        Tables by unit; if all readings have the same unit, the whole table under the key ``""``.
     """
     if "reading" not in table:
         return {"": table}
@@ -136,7 +136,7 @@ def by_reading(table: pandas.DataFrame) -> dict[str, pandas.DataFrame]:
 def merit_tables(
     table: pandas.DataFrame, volts: pandas.DataFrame | None = None
 ) -> dict[str, tuple[list[str], list[list[str]]]]:
-    """Tables of slopes and deviations, for each unit of the readings, and of circuit figures, as text.
+    """Format figures of merit as tables of text: slopes and deviations for each unit, and figures of the circuit.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def merit_tables(
 
 
 def slope_answers(table: pandas.DataFrame, parameters: Mapping[str, str] | None = None) -> list[str]:
-    """The mean slopes of a table in one line for each force and each unit of the readings, with their largest error.
+    """State the mean slope along each force with its error, in one line for each force and unit of the readings.
 
     Parameters
     ----------

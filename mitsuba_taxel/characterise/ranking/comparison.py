@@ -57,11 +57,11 @@ class Comparison(NamedTuple):
     by : str
         The figure by which variants are ranked.
     limits : dict[str, float]
-        Largest magnitudes of figures, in their units.
+        Largest allowed magnitudes of figures, in their units.
     unit : dict[str, str]
         Unit of each figure.
     channel : str
-        The channel that represents the taxels.
+        Name of the channel that represents all taxels (see `common_channel`); empty for a single taxel.
     volts : pandas.DataFrame or None
         The ``volts_table`` of all studies; None without a circuit.
     notes : list[str]
@@ -106,11 +106,13 @@ def compare(
     up_to: float | None = None,
     circuit: Circuit | None = None,
 ) -> Comparison:
-    """Rank the variants of a sensor in studies; each combination of the parameters besides the force is a variant.
+    """Rank the variants of a sensor in studies by a figure of merit, with probabilities.
 
-    Arrays are represented by one channel. Slopes are ranked by magnitude, the largest first; deviations are ranked the
-    smallest first. Errors are those of ``taxel characterise``. Variants of the same seed and points share their random
-    numbers, whose common effect cancels in differences, as estimated by the jackknife over replicates. Errors of
+    A variant is a combination of all parameters except the force. An array of taxels is represented by one channel (see
+    `common_channel`). Slopes are ranked by magnitude, the largest first; deviations are ranked the smallest first.
+
+    Errors are those of ``taxel characterise``. Variants with the same seed and number of points share their random
+    numbers; the jackknife over replicates gives the error of their difference, in which common noise cancels. Errors of
     mechanics and geometry have a correlation of 0.88 between variants that differ in numerical parameters only; between
     other variants and between scenes they are independent.
 
@@ -125,8 +127,8 @@ def compare(
         Figure by which to rank: max_slope, mean_slope, zero_slope, relative_slope, nonlinearity, hysteresis or
         repeatability.
     at_most : Mapping[str, float], optional
-        Largest magnitudes of figures in their units: % for deviations, %/N and W/N, or V/N behind a circuit, for
-        slopes.
+        Largest allowed magnitudes, by figure: in % for nonlinearity, hysteresis and repeatability, in %/N for
+        relative_slope, and in W/N (V/N behind a circuit) for the other slopes.
     force : str, optional
         Force along which to compare, if the studies vary several.
     up_to : float, optional

@@ -37,7 +37,7 @@ LATTICE = 0.15
 
 
 class PointErrors(NamedTuple):
-    """Errors of the points of all runs.
+    """Standard errors of the points of a recording, and properties of its noise.
 
     Attributes
     ----------
@@ -67,23 +67,26 @@ def point_errors(
     curve: list[list[np.ndarray]],
     voltage: np.ndarray,
 ) -> PointErrors | None:
-    """Errors of the points of all runs.
+    """Estimate the standard errors of the points of a recording from the scatter of its rows.
+
+    A point is the mean of several rows of a run (see `points_of`).
 
     Parameters
     ----------
     residuals : list of lists of (rows, channels) ndarray
-        For each run and point, the voltages of its rows less the curve, in V and in the order of time.
+        For each run and point: voltages of the rows of the point minus the curve at the measured force, in V and in the
+        order of time.
     steady : list of lists of (rows, channels) ndarray
-        The same with the noise of the force removed from the curve.
+        The same voltages minus the curve at the force made monotonic by isotonic regression, in V.
     curve : list of lists of (rows, channels) ndarray
-        The curve at the force without its noise, in V.
+        The curve at the monotonic force of each row, in V.
     voltage : (rows, channels) ndarray
         All voltages of the recording, in V.
 
     Returns
     -------
     PointErrors or None
-        None if the noise is unknown.
+        The errors; None if there are too few rows to estimate the noise.
     """
     from scipy.stats import t
 
@@ -163,7 +166,7 @@ def step_of(voltage: np.ndarray) -> float:
 
 
 def with_errors(values: list[np.ndarray], errors: PointErrors, replicates: int) -> list[np.ndarray]:
-    """Samples of each run whose scatter represents the errors of its values.
+    """Create replicates of each run whose scatter equals the stated errors, as figures of merit take replicates.
 
     Deviations sum to zero over the replicates, and deviations of different points of a run are orthogonal. Points of
     equal voltage have the same error of the converter. The actual error of a value is as large as the deviation of half

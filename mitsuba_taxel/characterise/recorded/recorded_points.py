@@ -30,7 +30,9 @@ def noise_of(force: np.ndarray) -> float:
 
 
 def middle_of_turn(force: np.ndarray, row: int, noise: float) -> int:
-    """Middle row of the hold around a turning point: noise puts the turning point anywhere within the hold.
+    """Middle row of the hold of the force that contains a turning point.
+
+    Noise places the extremum anywhere within the hold, so that the extremum itself is not used.
 
     Parameters
     ----------

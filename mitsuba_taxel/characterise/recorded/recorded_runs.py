@@ -25,7 +25,7 @@ NEAR_REST = 0.005
 
 
 def recorded_experiment(measurement: Measurement) -> Experiment:
-    """The runs of a measurement between the turning points of its force.
+    """Convert a recording to an experiment: its runs between the turning points of the force, with their errors.
 
     Turning points are extrema of the force with a prominence of a tenth of its range and ten standard deviations of its
     noise. Three components of force must change together along one line; the component along this line is used.
@@ -92,8 +92,9 @@ class _Curve:
     """The curve through the points of a run, and the residuals of its rows.
 
     ``node`` (points,) is the mean force of each point in N; ``value`` and ``slope`` (points, channels) are its voltage
-    in V and the slope there in V/N. For each point, ``residuals`` (rows, channels) are the voltages less the curve in
-    V, ``steady`` the same with the curve at the force without its noise, and ``curve`` that curve.
+    in V and the slope there in V/N. For each point, ``residuals`` (rows, channels) are the voltages minus the curve at
+    the measured force in V; ``steady`` are the voltages minus the curve at the force made monotonic; ``curve`` is the
+    curve at the monotonic force.
     """
 
     def __init__(self, force: np.ndarray, voltage: np.ndarray, points: list[np.ndarray]) -> None:
@@ -161,7 +162,7 @@ def _words(errors: PointErrors | None) -> list[str]:
 
 
 def runs_of(measurement: Measurement) -> tuple[str, np.ndarray, np.ndarray, list[slice]]:
-    """The runs of a measurement between the turning points of its force.
+    """Divide the rows of a measurement into runs between the turning points of its force.
 
     Parameters
     ----------
