@@ -26,7 +26,7 @@ def has_camera(objects: SceneObjects) -> bool:
 
 
 def check_camera(scene: Scene, objects: SceneObjects) -> list[Finding]:
-    """Find what `camera_image` refuses, in a scene whose objects are all valid; its pads are deformed.
+    """Find properties of a scene that `camera_image` refuses; all objects must be valid, and pads are deformed.
 
     Parameters
     ----------

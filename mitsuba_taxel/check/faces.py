@@ -19,7 +19,7 @@ CORNERS = np.array(list(product((-1, 1), repeat=3)), dtype=float)
 
 @dataclass
 class Faces:
-    """The LEDs or phototransistors of one plugin, or the windows above them.
+    """The N LEDs or N phototransistors of one plugin object, or the windows above them.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Faces:
 
 
 def faces_of(objects: SceneObjects) -> tuple[list[Faces], list[Finding]]:
-    """All LEDs and phototransistors of a scene, and an error for each without a valid position."""
+    """All LEDs and phototransistors of a scene, and a finding for each one that has no valid position."""
     faces, findings = [], []
     for carrier in objects.shapes():
         for obj in carrier.children.values():
@@ -60,7 +60,7 @@ def faces_of(objects: SceneObjects) -> tuple[list[Faces], list[Finding]]:
 
 @dataclass
 class Boxes:
-    """Equal boxes on a grid: the bodies of a `photo_reflector`, or a `cube`.
+    """N equal boxes on a grid: the bodies of a `photo_reflector`, or a single `cube`.
 
     Attributes
     ----------

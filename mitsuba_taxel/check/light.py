@@ -27,7 +27,7 @@ _FROM_THE_LIGHT = ("ptracer",)
 
 
 def check_light(objects: SceneObjects) -> Iterator[Finding]:
-    """Find errors of light that can be found without tracing rays."""
+    """Find mistakes in walls, LEDs, integrators and tables of reflectance, without tracing rays."""
     for shape in objects.shapes():
         yield from _walls(shape)
     yield from _nothing_comes_back(objects)
@@ -45,7 +45,7 @@ def check_light(objects: SceneObjects) -> Iterator[Finding]:
 
 
 def check_modelled(objects: SceneObjects) -> list[Finding]:
-    """Find what `measure` refuses, in a scene whose objects are all valid."""
+    """Find properties of a scene that `measure` refuses; all objects must be valid."""
     if not objects.valid:
         return []
     try:
@@ -57,7 +57,7 @@ def check_modelled(objects: SceneObjects) -> list[Finding]:
 
 
 def check_prepared(scene: Scene, objects: SceneObjects) -> list[Finding]:
-    """Prepare a valid scene as `measure` does, with deformed pads and a few rays.
+    """Prepare a valid scene as `measure` does, and report what goes wrong: pads are deformed, and a few rays traced.
 
     Parameters
     ----------

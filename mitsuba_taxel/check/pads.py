@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def extents_in_file(pad: PadFile, mesh_size: float | None) -> tuple[np.ndarray, np.ndarray]:
-    """Extents of the pad in a file, and of its cells.
+    """Bounding boxes of a pad from a file, and of each of its cells.
 
     A surface is read, repaired and divided into regions; only a STEP file has to be meshed for that.
 
@@ -31,7 +31,7 @@ def extents_in_file(pad: PadFile, mesh_size: float | None) -> tuple[np.ndarray, 
     pad : (2, 3) ndarray
         Lowest and highest coordinates of the pad, in mm.
     cells : (K, 2, 3) ndarray
-        Extents of each cell, in mm.
+        Lowest and highest coordinates of each of K cells, in mm.
 
     Raises
     ------

@@ -30,7 +30,7 @@ PAD = "deformable_pad"
 
 
 class UndeformedPad:
-    """A pad as a scene describes it, without its deformation.
+    """A pad as a scene describes it, before its deformation is computed.
 
     Attributes
     ----------
@@ -47,7 +47,8 @@ class UndeformedPad:
     objects : dict[str, object]
         Nested objects, by name.
     extent, cell_boxes : (2, 3) ndarray, (K, 2, 3) ndarray, or None
-        For a pad from a file, lowest and highest coordinates of the pad and of each cell, in the pad's frame.
+        For a pad from a file, lowest and highest coordinates in mm of the pad and of each of its K cells, in the pad's
+        frame; None for other pads.
     """
 
     extent: np.ndarray | None = None

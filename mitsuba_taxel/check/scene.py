@@ -28,10 +28,11 @@ from mitsuba_taxel.sensing.scene.parsing import parser_config
 
 @in_turn
 def check_scene(source: str | Path, /, **parameters: object) -> list[Finding]:
-    """Check a scene, up to what `measure` traces.
+    """Check a scene for errors and likely mistakes, without computing its readings.
 
-    If there are no errors until then, the scene is prepared as in `measure`: pads are deformed, their states are cached
-    on disk, and a few rays show whether light paths end, and whether `taxel_path` finds light.
+    The file, the parameters and the geometry are checked first. If there are no errors, the scene is prepared as
+    `measure` does: pads are deformed, and their solutions are cached on disk. A few rays show whether light paths end,
+    and whether the integrator `taxel_path` finds light.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ _HEADER = """
 
 
 def schema() -> str:
-    """The schema as text, in RELAX NG's XML syntax.
+    """RELAX NG schema of scene files, as text in XML syntax.
 
     Parameters of this package's plugins must match their tables; those of Mitsuba's own plugins are unrestricted. Every
     value may be a ``$name``.

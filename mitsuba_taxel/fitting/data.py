@@ -19,12 +19,12 @@ READING = re.compile(r"(?P<kind>[vVpP])_?(?P<taxel>[1-9]\d*)(?P<error>_error)?")
 
 @dataclass(frozen=True, eq=False)
 class MeasuredData:
-    """A table of measurements.
+    """Measured readings of a sensor, and the settings at which they were measured.
 
     Attributes
     ----------
     settings : dict[str, list[str]]
-        Values of parameters of the scene, one for each row.
+        Values of parameters of the scene, one for each row of the table.
     unit : str
         Unit of the readings, ``V`` or ``W``.
     taxels : (taxels,) ndarray

@@ -30,10 +30,11 @@ SMALL = 1e-6
 
 
 class ReadingModel:
-    """Readings (rows, taxels) at the data's settings, and their derivatives (rows, taxels, unknowns).
+    """Model of a fit: a function of the unknowns that returns the readings of a scene, and their derivatives.
 
-    Derivatives with respect to parameters of the scene are computed by light without random numbers if possible, else
-    as differences of readings that share their random numbers.
+    Readings (rows, taxels) are those at the settings of each row of the data, their derivatives are (rows, taxels,
+    unknowns). Derivatives with respect to parameters of the scene are computed without random numbers if possible,
+    else as differences of readings that share their random numbers.
 
     Attributes
     ----------
@@ -75,13 +76,12 @@ class ReadingModel:
         return shown[self._setting_of_row], jacobian[self._setting_of_row]
 
     def errors(self, unknowns: np.ndarray, by_row: np.ndarray) -> ModelError:
-        """Errors of the readings at values of the unknowns for which the readings have been computed, from one more
-        evaluation.
+        """Errors of the model's readings at values of the unknowns, from one more evaluation of the scene.
 
         Parameters
         ----------
         unknowns : (unknowns,) ndarray
-            Values for which the model has been called.
+            Values at which the model has been evaluated before.
         by_row : (unknowns, rows, taxels) ndarray
             Derivative of each unknown with respect to each reading of the data.
         """

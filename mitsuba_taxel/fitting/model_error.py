@@ -56,11 +56,11 @@ class UnknownErrors(NamedTuple):
 
 
 def carried(error: ModelError) -> UnknownErrors:
-    """Errors of the unknowns due to errors of the model's readings.
+    """Propagate the errors of the model's readings to the fitted unknowns.
 
-    Replicates contain the covariance of errors of the light. For errors due to finite elements and surfaces, the
-    correlation between readings is unknown, so the largest deviation for any correlation is returned: the sum of
-    magnitudes.
+    The replicates of the light contain the covariance of its errors. For errors due to finite elements and surfaces,
+    the correlation between readings is unknown; the largest deviation for any correlation is returned, which is the sum
+    of the magnitudes of all contributions.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class FitPlan:
-    """A fit.
+    """Definition of a fit: scene, unknowns and measured data.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class FitPlan:
 
 
 def read_plan(file: Path) -> FitPlan:
-    """The plan in a study file.
+    """Read the definition of a fit from a study file with a table ``[fit]``.
 
     Raises
     ------

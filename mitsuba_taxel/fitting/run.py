@@ -72,7 +72,7 @@ def run_fit(
     scheduler: str | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> FitResult:
-    """Estimate unknowns of a scene from measured readings.
+    """Estimate unknown parameters of a scene from measured readings, by weighted least squares.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ steps may continue because of rounding."""
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """Solution of least squares.
+    """Solution of a least-squares fit to N readings.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ def solve(
     errors: np.ndarray | None,
     unknowns: Sequence[Unknown],
 ) -> LeastSquares:
-    """Estimate the unknowns of a model.
+    """Estimate the unknowns of a model from N readings by weighted least squares within bounds.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def solve(
 
 
 def interval(solution: LeastSquares, of_model: np.ndarray) -> np.ndarray:
-    """Half widths (unknowns,) of 95 % intervals due to data and model.
+    """Half widths of the 95 % confidence intervals of the unknowns, due to the errors of data and model.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ UNKNOWN_HEADINGS = ("unknown", "start", "value", "data ±", "model ±", "95 % in
 
 
 def unknown_rows(unknowns: pandas.DataFrame) -> list[tuple[str, ...]]:
-    """The rows of the table of unknowns, ``fit.csv``.
+    """Format the table of unknowns, ``fit.csv``, as rows of text.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def unknown_rows(unknowns: pandas.DataFrame) -> list[tuple[str, ...]]:
 
 
 def fit_answer(unknowns: pandas.DataFrame) -> str:
-    """The unknowns with their errors in one line.
+    """State the unknowns with their errors in one line.
 
     Parameters
     ----------

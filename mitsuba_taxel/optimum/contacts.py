@@ -16,7 +16,7 @@ from mitsuba_taxel.studies.plan.batch import Batch
 
 
 class DesignContact(NamedTuple):
-    """The first contact of a design along a line of loads.
+    """First contact of the pad of a design along a line of loads, with derivatives.
 
     Attributes
     ----------
@@ -27,11 +27,11 @@ class DesignContact(NamedTuple):
     ended : str
         Reason why the load path ends without contact; empty if it does not.
     by : list[float]
-        Derivatives with respect to each variable in the unit cube.
+        Derivatives of ``value`` with respect to each variable, scaled to the unit cube.
     by_tolerance : list[float]
-        Changes by one standard deviation of each parameter with a tolerance.
+        Change of ``value`` by one standard deviation of each parameter with a tolerance.
     missing : bool
-        Whether derivatives of the end of a path are unknown; they are then 0.
+        Whether the load path ends without contact and the derivatives of its end are unknown; they are then 0.
     """
 
     value: float
@@ -58,7 +58,7 @@ def first_contact_in(study: xr.Dataset, row: int, of: str = "") -> float:
 
 
 def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -> dict[str, str]:
-    """Lines along which the first contact cannot be computed, with the reasons.
+    """Lines of loads along which the first contact cannot be computed, with the reasons.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -
     batch : Batch
         Scene and settings of the readings.
     designs : Sequence[Design]
-        Designs to try, one for each choice.
+        Designs to test, one for each combination of choices.
 
     Returns
     -------
     dict[str, str]
-        Reason for each such line, along which a measuring range is limited by saturation only.
+        Reason by line. A measuring range along such a line is limited by saturation only.
 
     Raises
     ------

@@ -1,10 +1,10 @@
-"""Descent to an optimum by sequential quadratic programming in a trust region, for functions that jump a little.
+"""Descent to an optimum by sequential quadratic programming in a trust region, for functions with small jumps.
 
-Readings of designs with different meshes differ by the errors of the meshes. A line search would take such a jump for
-the end of the descent, and curvature from the gradients of two close points would be noise. Here a step is accepted if
-the loss decreases as predicted within that jump, and gradients are compared over steps that are long enough. Where the
-mesh is moved from design to design, the jump is small; where it is renewed, the last point is evaluated again on the
-new mesh.
+Readings of designs with different meshes differ by the errors of the meshes. At such a jump, a line search would stop,
+and a curvature from the gradients of two close points would be noise. Here a step is accepted if the loss decreases as
+predicted within the size of the jump, and gradients are compared over sufficiently long steps. If the mesh of a design
+is moved to the next design, the jump is small; if the next design is meshed anew, the last point is evaluated again on
+the new mesh.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ At = Callable[[np.ndarray, np.ndarray], Trial]
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Best step of V variables in the quadratic model.
+    """Best step in the quadratic model, for V variables, N goals and M limits.
 
     Attributes
     ----------
@@ -87,16 +87,16 @@ class Step:
 
 
 def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarray:
-    """Minimise the largest of several goals within limits, starting from a valid point.
+    """Minimise the largest of several goals within limits, by sequential quadratic programming in a trust region.
 
-    Each step minimises the largest of the linearised goals plus a common quadratic term within the linearised limits
+    Each step minimises the largest of the linearised goals plus a common quadratic term, within the linearised limits
     and a box around the last point (R. Fletcher, Practical Methods of Optimization, 1987, chapters 12 and 14). The
-    quadratic term is that of the Lagrangian, by damped BFGS updates (M. J. D. Powell, 1978). Once points have failed,
-    steps end before a plane that separates the failed points from all others.
+    quadratic term is that of the Lagrangian, by damped BFGS updates (M. J. D. Powell, 1978). Once the evaluation of
+    points has failed, steps end before a plane that separates the failed points from all others.
 
-    If no improvement is expected, the curvature may be wrong: it may stem from a distant steep slope or kink, and steps
-    may have become too short to correct it. The descent therefore restarts from that point without this curvature. It
-    ends if it has gained nothing since the last restart.
+    If the model predicts no improvement, its curvature may be wrong: it may stem from a distant steep slope or kink,
+    and steps may have become too short to correct it. The descent therefore restarts from the last point with a new
+    curvature. It ends if it has gained nothing since the last restart.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
     start : (V,) ndarray
         First point in the unit cube.
     tolerance : float
-        Expected relative improvement below which to end.
+        The descent ends if the predicted relative improvement is below this number.
 
     Returns
     -------

@@ -42,18 +42,19 @@ OTHERS = 2
 
 @dataclass(frozen=True, eq=False)
 class DesignEvaluation:
-    """An evaluated design.
+    """Readings and dimensions of a design, with their derivatives.
 
     Attributes
     ----------
     values : DesignResponses
         Readings and dimensions.
     by : list[DesignResponses]
-        For each variable, readings and dimensions whose imaginary parts are their derivatives times `TINY`. Derivatives
-        are with respect to the variable in the unit cube; 0 for a variable that the design does not have.
+        For each variable: complex readings and dimensions, whose imaginary parts are `TINY` times their derivatives
+        with respect to the variable, scaled to the unit cube (complex-step differentiation). Derivatives with respect
+        to a variable that does not apply to the design are 0.
     by_tolerance : list[DesignResponses]
-        The same responses for each parameter with a tolerance, with derivatives per standard deviation. Variation of
-        the shape is neglected.
+        The same for each parameter with a tolerance, with derivatives per standard deviation of the parameter. The
+        effect of tolerances on the pad's dimensions is neglected.
     """
 
     values: DesignResponses
@@ -75,7 +76,9 @@ class _DesignRows(NamedTuple):
 
 
 class DesignEvaluator:
-    """Evaluates designs with a study in ``folder``, by derivatives if available, else by differences.
+    """Evaluates designs: each load of a design is a job of a study in ``folder``.
+
+    Derivatives are those of the readings if available, else central differences of neighbouring designs.
 
     Attributes
     ----------
@@ -131,8 +134,7 @@ class DesignEvaluator:
         self._evaluated: dict[Design, DesignEvaluation] = {}
 
     def can_move(self, design: Design) -> bool:
-        """Whether the mesh of the origin of a design can be moved onto the pads of the design; False if it has no
-        origin."""
+        """Whether the mesh of the design's ``origin`` can be moved to the pads of the design; else False."""
         if not (self._has_pads and pads_of(self._plan.scene(design.alone))):
             return False
         try:

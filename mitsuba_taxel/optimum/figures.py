@@ -1,9 +1,9 @@
 """Figures of merit of a design, with their gradients.
 
 A figure has components, such as the sensitivities of all taxels; the worst component counts. Components are analytic
-functions of readings and dimensions. These are complex numbers whose imaginary parts are derivatives with respect to
-one variable: the complex step gives the derivatives of the components to rounding error (Squire and Trapp, SIAM Review
-40, 1998).
+functions of readings and dimensions. Readings and dimensions are complex numbers whose imaginary parts are derivatives
+with respect to one variable. The complex step gives the derivatives of the components to rounding error (Squire and
+Trapp, SIAM Review 40, 1998).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TINY = 1e-150
 
 @dataclass(frozen=True, eq=False)
 class LineResponse:
-    """Readings along a sequence of loads.
+    """Readings of T taxels along a line of K loads.
 
     Attributes
     ----------
@@ -50,10 +50,10 @@ class LineResponse:
     clearance : (K,) ndarray of complex
         Least distance between cells and packages in mm; NaN if unknown.
     contact : complex
-        Value of the parameter at which pads first touch anything, or at which their load path ends, at most `FURTHEST`
-        times the last load; NaN if unknown.
+        Value of the parameter at which a pad first touches itself, the board or a package, or at which the load path
+        ends, at most `FURTHEST` times the last load; NaN if unknown.
     touched : str
-        Object that the pads touch at that value; empty without contact.
+        Object that a pad touches at this value; empty without contact.
     ended : str
         Reason why the load path ends without contact, such as an instability; empty if it does not.
     """
@@ -155,9 +155,10 @@ def cross_talk(responses: DesignResponses, along: str, taxel: int) -> np.ndarray
 
 
 def cross_sensitivity(responses: DesignResponses, along: str, by: str) -> np.ndarray:
-    """Error in N of a force along ``along`` due to a force of 1 N along ``by``.
+    """Cross-sensitivity: apparent force in N along ``along`` under a force of 1 N along ``by``.
 
-    The force is estimated by least squares from the changes of all readings, as if it were the only one.
+    The apparent force is the least-squares estimate from the changes of all readings, with the sensitivities to the
+    force along ``along`` only.
     """
     own, disturbing = responses.slopes(along), responses.slopes(by)
     return _both_signs(np.atleast_1d(own @ disturbing / (own @ own)))
@@ -180,10 +181,10 @@ def saturation(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def measuring_range(responses: DesignResponses, along: str) -> np.ndarray:
-    """Magnitudes of the loads that limit the measuring range: at the first contact and at the saturation of each taxel.
+    """Magnitudes of the loads that limit the measuring range: at the first contact, and where each taxel saturates.
 
-    The first contact is omitted if it is unknown, and saturation without a circuit. Power is interpolated linearly
-    between loads, and extrapolated from the last two beyond the last load.
+    The first contact is omitted if it is unknown; saturation is omitted without a circuit. Power is interpolated
+    linearly between loads, and extrapolated linearly beyond the last load.
     """
     return np.concatenate(_ends(responses, along))
 
@@ -234,10 +235,11 @@ def noise_equivalent_force(responses: DesignResponses, along: str, noise: float 
 def resolution(
     responses: DesignResponses, along: tuple[str, ...], of: tuple[str, ...] = (), noise: float | None = None
 ) -> np.ndarray:
-    """Standard deviation of each load along the lines ``of``, if all loads are estimated together from all readings.
+    """Resolution: standard deviation of each load ``of``, if all loads ``along`` are estimated together.
 
-    It is the root of the diagonal of the inverse Fisher information, computed from mean slopes and the noise of the
-    first readings; NaN if readings do not distinguish all loads. By default, ``of`` is ``along``.
+    Loads are estimated from the readings of all taxels. The resolution is the root of the diagonal of the inverse
+    Fisher information, computed from mean slopes and the noise of the first readings; NaN if readings do not
+    distinguish all loads. By default, ``of`` is ``along``.
     """
     slopes = np.stack([responses.slopes(line) / responses.noise(line, noise)[0] for line in along], axis=1)
     sizes = np.linalg.norm(slopes.real, axis=0)
@@ -341,7 +343,7 @@ class Figure:
 
 
 def end_of(figure: Figure, responses: DesignResponses) -> str:
-    """What ends a range or a load path to the first contact, in words."""
+    """Describe what ends a measuring range or a load path: contact, an instability, or saturation."""
     line = responses.lines[figure.parameters["along"]]
     with np.errstate(invalid="ignore"):
         contact, saturated = (loads.real for loads in _ends(responses, figure.parameters["along"]))

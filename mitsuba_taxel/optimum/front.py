@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
 
 def front(optimiser: Optimiser, other: Goal, points: int) -> pandas.DataFrame:
-    """Non-dominated designs between the best designs by the study's objective and by another objective.
+    """Compute a Pareto front of two objectives by the epsilon-constraint method: designs that no design dominates.
 
-    The other objective is bounded at even steps between its values at these two designs (epsilon-constraint), and each
-    descent starts from the best design that already meets the bound.
+    The ends of the front are the best designs by the study's objective and by the other objective. Between them, the
+    other objective is bounded at even steps, and each descent starts from the best design that already meets the bound.
 
     Parameters
     ----------

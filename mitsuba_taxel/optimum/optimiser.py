@@ -86,20 +86,21 @@ class Optimiser:
 
     @property
     def before(self) -> Design:
-        """The original scene, or the first design that could be read."""
+        """The design of the original scene or, if its evaluation failed, the first evaluated design."""
         readable = [design for design in self.history if self._read[design] is not None]
         return next((design for design in readable if design == self.plan.before), readable[0])
 
     def read(self, design: Design) -> DesignEvaluation:
-        """The evaluation of a design, which must not have failed."""
+        """The evaluation of a design; it must exist."""
         evaluated = self._read[design]
         assert evaluated is not None
         return evaluated
 
     def linearisation(self, design: Design, goal: Goal, limits: Sequence[Limit]) -> Linearisation | None:
-        """Goals of a design relative to the worst goal of `before`, and limits relative to their bounds.
+        """Goals and limits of a design with their gradients, as `descend` takes them.
 
-        None if the design fails, has no goal, or has a figure that is not finite.
+        Goals are relative to the worst goal of `before`, limits are relative to their bounds. None if the evaluation of
+        the design fails, the design has no goal, or a figure is not finite.
         """
         (read,) = self.evaluate([design])
         return None if read is None else self._linearise(read, read, goal, limits)
@@ -173,7 +174,7 @@ class Optimiser:
         return JUMP_MOVED if first.family == second.family else JUMP
 
     def _beside(self, here: Design, x: np.ndarray) -> tuple[Design, Design]:
-        """Two designs on a common mesh, as far as possible: ``here``, and a design at ``x``.
+        """The designs ``here`` and at the variables ``x``, on a common mesh if possible.
 
         The mesh of ``here`` is moved to ``x``. If it has been moved already and cannot be moved again, ``here`` is
         meshed anew and the new mesh is moved. If that fails, too, the design at ``x`` is meshed itself.
@@ -204,7 +205,7 @@ class Optimiser:
         return min(feasible, key=lambda pair: pair[1].worst)[0] if feasible else None
 
     def gain_from(self, start: Design) -> tuple[float, int]:
-        """Gain of a descent from an evaluated design, and the number of its designs.
+        """Run a descent from an evaluated design; returns its gain, and the number of designs that it evaluated.
 
         The gain is relative to the objective of the start. Designs are compared on the same mesh only; where the mesh
         is renewed, the gains on both meshes are added.
@@ -227,11 +228,10 @@ class Optimiser:
         return gain / (abs(first.worst) or 1.0), len(self.history) - before
 
     def stationarity(self, best: Design, *finer: DesignEvaluation) -> Stationarity:
-        """Multipliers and unbalanced slope of a design; gradients scatter from mesh to mesh and are averaged over
-        meshes.
+        """Karush-Kuhn-Tucker conditions of a design: Lagrange multipliers, and the slope that remains.
 
-        Gradients are averaged over the design itself, a close design on each of the other meshes, and ``finer``, the
-        design on finer meshes.
+        Gradients differ from mesh to mesh. They are averaged over the design itself, a close design on each of the
+        other meshes, and ``finer``, the design on finer meshes.
         """
         goal, limits = self.plan.goal, self.plan.limits
         own = self.linearisation(best, goal, limits)

@@ -146,7 +146,7 @@ def shown(number: float) -> str:
 
 
 def gain_line(result: Optimum) -> str:
-    """The improvement of the best design, and its certainty."""
+    """State the improvement by the best design, its error, and the probability of an improvement."""
     if result.gain_error != result.gain_error:
         return f"The objective improves by {result.gain:.1%}. Its error is not known."
     return (
@@ -156,7 +156,7 @@ def gain_line(result: Optimum) -> str:
 
 
 def slope_line(result: Optimum) -> str:
-    """The unbalanced slope of the best design, and whether it is a local optimum."""
+    """State the remaining slope of the objective at the best design, and whether the design is a local optimum."""
     error = f" ± {result.unbalanced_error:.1%}" if result.gradients > 1 else ""
     verdict = "It is a local optimum" if result.is_local else "It is not shown to be a local optimum"
     count = f"{result.gradients} gradients" if result.gradients > 1 else "one gradient"

@@ -80,7 +80,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Design:
-    """A sensor and its mesh.
+    """A design: values of all variables and choices, and the origin of its mesh.
 
     Attributes
     ----------
@@ -89,7 +89,8 @@ class Design:
     x : tuple[float, ...]
         Variables, scaled by their bounds to the unit cube; variables that do not apply have their initial values.
     origin : tuple[float, ...] or None
-        Variables of the design whose mesh is moved to this design; None if this design is meshed itself.
+        Variables of another design whose mesh is moved to the shape of this design; None if this design is meshed
+        itself.
     """
 
     choice: tuple[str, ...]
@@ -109,7 +110,7 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """An optimisation.
+    """Definition of an optimisation: variables, loads, objective and constraints.
 
     Attributes
     ----------
@@ -122,7 +123,8 @@ class Plan:
     choices : dict[str, list[str]]
         Values to try, one after another, for each parameter.
     lines : dict[str, tuple[str, list[dict[str, str]]]]
-        Lines of loads by name: the parameter that changes, and the values of all parameters at each load.
+        Lines of loads by name. A line is the name of the parameter that changes, and for each load the values of all
+        parameters.
     goal : Goal
         Objective.
     limits : list[Limit]
@@ -189,7 +191,7 @@ class Plan:
 
     @property
     def before(self) -> Design:
-        """The original scene, or a design with the first words of choices if the words of the scene are not allowed."""
+        """The design of the original scene; for a choice that does not allow the scene's word, its first word."""
         base = self.base
         choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
         return Design(choice, tuple(variable.start_fraction for variable in self.variables))

@@ -31,7 +31,7 @@ AT_REST = ""
 
 
 def read_plan(file: Path) -> Plan:
-    """The plan in a study file.
+    """Read the definition of an optimisation from a study file with a table ``[optimise]``.
 
     Raises
     ------

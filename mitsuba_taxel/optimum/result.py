@@ -56,16 +56,16 @@ class Optimum:
         Relative improvement of the objective on the finer mesh; its change due to that mesh; and the probability of an
         improvement, with that change as standard deviation.
     unbalanced, unbalanced_error : float
-        Slope of the objective that constraints and bounds do not balance, over the width of the bounds and relative to
-        the objective, 0 at an optimum; and its standard error, NaN if only one gradient is known.
+        Slope of the objective that remains within constraints and bounds, as its relative change over the width of the
+        bounds; 0 at an optimum. And its standard error, NaN if only one gradient is known.
     beyond : float
-        Relative gain of the objective by a descent from the best design on the finer mesh. The descent is made if the
-        slope does not show a local optimum; NaN otherwise.
+        Relative gain of the objective by a further descent from the best design, on the finer mesh. It is made only if
+        the remaining slope does not show a local optimum; NaN without this descent.
     beyond_ended : bool
-        Whether that descent ended because its steps improved the design no further.
+        Whether this descent ended because it found no further improvement.
     gradients : int
-        Number of gradients whose mean gives the slope: the gradient of the best design, those of close designs on other
-        meshes (within 2 % of the bounds, one for each mesh), and the gradient on the finer mesh.
+        Number of gradients that are averaged for the remaining slope: the gradient of the best design, those of close
+        designs on other meshes (within 2 % of the bounds, one for each mesh), and the gradient on the finer mesh.
     load_steps : int
         Number of load steps computed for all designs, without the finer mesh.
     seconds : float
@@ -105,7 +105,7 @@ class Optimum:
 def make_optimum(
     optimiser: Optimiser, best: Design, verification: MeshVerification, trade_offs: pandas.DataFrame | None
 ) -> Optimum:
-    """Comparison of the best design with the first, with multipliers, errors, warnings and notes.
+    """Create the result: the best design compared with the first, with multipliers, errors, warnings and notes.
 
     Parameters
     ----------

@@ -38,10 +38,10 @@ def optimise(
     retry_failed: bool = False,
     progress: Callable[[OptimisationProgress], None] | None = None,
 ) -> Optimum:
-    """Find the best design of a scene within bounds and constraints.
+    """Find the design of a scene with the best objective within bounds and constraints.
 
-    Every load step of every design is a job of a study in ``output``. The same call resumes an interrupted
-    optimisation.
+    Designs are improved by gradient-based descents from several starts. Every load step of every design is a job of a
+    study in ``output``. The same call resumes an interrupted optimisation.
 
     Parameters
     ----------
@@ -135,10 +135,10 @@ def _unsaturated(plan: Plan) -> Plan:
 
 
 def readable_starts(optimiser: Optimiser, initial: list[Design]) -> list[Design]:
-    """The initial designs that can be evaluated.
+    """Select the initial designs that can be evaluated.
 
-    If no initial design can be evaluated, further designs are tried, as many as a descent may evaluate. The first that
-    can be evaluated is returned.
+    If none of them can be evaluated, further designs are tried, at most as many as a descent may evaluate; the first
+    design that can be evaluated is then returned.
 
     Raises
     ------

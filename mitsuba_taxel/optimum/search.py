@@ -24,7 +24,7 @@ TINY = np.finfo(float).tiny
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Goals and limits at a point of the unit cube of V variables.
+    """N goals and M limits at a point of the unit cube of V variables, with their derivatives.
 
     Attributes
     ----------
@@ -61,14 +61,14 @@ class Stationarity:
     Attributes
     ----------
     unbalanced : float
-        Slope of the worst goal that limits and bounds do not balance, over the width of the bounds and relative to that
-        goal; 0 at an optimum.
+        Slope of the worst goal that remains within limits and bounds, as its relative change over the width of the
+        bounds; 0 at an optimum.
     error : float
         Standard error of ``unbalanced``, from the scatter of the averaged gradients; NaN for one gradient.
     gradients : int
         Number of averaged gradients.
     limits : (M,) ndarray
-        Multipliers of the limits: decrease of the worst goal if a limit were reduced by 1.
+        Lagrange multipliers of the limits: decrease of the worst goal if a limit were relaxed by 1.
     bounds : (V,) ndarray
         Multipliers of the bounds, negative for lower ones.
     """
@@ -86,7 +86,7 @@ class Stationarity:
 
 
 def stationarity(x: np.ndarray, linearisation: Linearisation, repeated: Sequence[Linearisation] = ()) -> Stationarity:
-    """Multipliers of active limits and bounds at a point, and the slope that they do not balance.
+    """Lagrange multipliers of active limits and bounds at a point, and the slope of the goals that remains.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def _scatter(gradients: np.ndarray, normals: np.ndarray) -> float:
 def balanced(
     goal_rates: np.ndarray, limit_rates: np.ndarray, ends: np.ndarray, bent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Weights of goals and multipliers of limits and bounds that balance the gradient best.
+    """Weights of goals and Lagrange multipliers of limits and bounds with the least remaining gradient.
 
     They are found by non-negative least squares.
 
@@ -155,7 +155,7 @@ def balanced(
     ends : (E, V) ndarray
         Outward normals of active bounds.
     bent : (V,) ndarray
-        Gradient of a quadratic term, added to the gradient of each goal.
+        Gradient of the quadratic term, which is added to the gradient of each goal.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def balanced(
     bounds : (E,) ndarray
         Multipliers of the bounds.
     rest : (V,) ndarray
-        Gradient that is not balanced.
+        Gradient that remains.
     """
     from scipy.optimize import nnls
 

@@ -42,7 +42,7 @@ class FineDescent(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class MeshVerification:
-    """The first and the best design, evaluated again.
+    """The first and the best design of an optimisation, evaluated again on a finer mesh.
 
     Attributes
     ----------
@@ -71,11 +71,11 @@ class MeshVerification:
 
     @property
     def finer(self) -> list[DesignEvaluation]:
-        """The best design on a finer mesh; None if it could not be read on it."""
+        """The evaluation of the best design on the finer mesh; an empty list if it failed or the mesh is not finer."""
         return [self.reads["best_finer"]] if self.reads and self.is_finer else []
 
     def descend(self) -> FineDescent | None:
-        """A descent from the best design on the finer mesh; None if that design has not been read on it."""
+        """Run a descent from the best design on the finer mesh; None if its evaluation on this mesh failed."""
         if not self.finer:
             return None
         plan = self.optimiser.plan

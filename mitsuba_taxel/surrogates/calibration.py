@@ -40,7 +40,9 @@ MOST_TERMS = 300
 
 
 class Calibration(NamedTuple):
-    """Forces, depths or places from readings, with intervals.
+    """Result of :func:`calibrate`: a polynomial from readings to quantities, with prediction intervals.
+
+    Quantities are components of the force, the depth of a displacement, or the position of the contact.
 
     Attributes
     ----------
@@ -51,10 +53,10 @@ class Calibration(NamedTuple):
     half_width : (quantities,) ndarray
         Half width of the intervals, in the units of the quantities.
     coverage : float
-        Fraction of the quantities that the intervals should contain.
+        Nominal coverage: fraction of the quantities that the intervals should contain.
     covered : float
-        Fraction of the quantities on left-out paths that lie within intervals determined by the other paths, averaged
-        over the paths.
+        Observed coverage: fraction of the quantities on left-out paths that lie within the intervals determined from
+        the other paths, averaged over the paths.
     unit : str
         Unit of the readings, W or V.
     noise : float
@@ -68,8 +70,8 @@ class Calibration(NamedTuple):
     paths : int
         Number of paths.
     needed : int
-        Least number of paths for intervals that hold for any distribution of their errors. With fewer paths, intervals
-        hold for normal errors.
+        Least number of paths with which intervals are valid for any distribution of the errors. With fewer paths, they
+        are valid for normally distributed errors.
     covered_error : float
         Standard error of `covered`, from the scatter of the paths.
     """
@@ -97,25 +99,26 @@ def calibrate(
     seed: int = 0,
     over: str | Sequence[str] | None = None,
 ) -> Calibration:
-    """Forces, depths or places as a polynomial of readings, with intervals.
+    """Fit a polynomial that estimates force, depth or contact position from readings, with prediction intervals.
 
     Readings are in W, or in V if they are measured or simulated with a circuit. With a circuit, they have its noise and
-    the steps of its converter. For a place, rows without load are left out, as their readings do not contain it.
+    the steps of its converter. Rows without load are left out of a fit of the contact position, as unloaded readings
+    do not depend on it.
 
     Parameters
     ----------
     source : xr.Dataset or xr.DataTree or Measurement
-        A study with varied loads or places, where each curve is a path; or a measurement along one line, where each run
-        between turning points of the force is a path.
+        A study with varied loads or contact positions, where each curve is a path; or a measurement along one line,
+        where each run between turning points of the force is a path.
     coverage : float
-        Fraction of the quantities that the intervals should contain, on paths like those given.
+        Fraction of the estimates on new, similar paths whose interval should contain the true value.
     noise : float, optional
         Relative standard deviation of the noise added to the light of a study; by default 0.005, or 0 with a circuit.
     seed : int
         Seed of this noise.
     over : str or sequence of str, optional
-        Quantities to compute from readings: ``force``, ``depth``, ``place``, or several of them. By default the force,
-        or the depth if no force is varied or known, and the place of an indenter or a patch if it is varied.
+        Quantities to estimate: ``force``, ``depth``, ``place`` (the position of an indenter or a patch), or several of
+        them. By default the force, or the depth if no force is varied or known, and the position if it is varied.
 
     Returns
     -------

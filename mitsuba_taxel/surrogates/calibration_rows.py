@@ -46,7 +46,7 @@ class Table(NamedTuple):
 
 
 def measured_rows(measurement: Measurement, over: Sequence[str] | None) -> Table:
-    """The force and the readings of a measurement, in which each run between turning points of the force is a path.
+    """Rows of force and readings from a measurement; each run between turning points of the force is a path.
 
     Raises
     ------
@@ -62,17 +62,19 @@ def measured_rows(measurement: Measurement, over: Sequence[str] | None) -> Table
 
 
 def simulated_rows(study: xr.Dataset, over: Sequence[str] | None, noise: float, random: np.random.Generator) -> Table:
-    """The quantities and readings of a study, in which each curve is a path.
+    """Rows of quantities and noisy readings from a study; each curve is a path.
 
-    Noise of the light and, if there is one, of the circuit is added to readings. Loads without a reading are omitted.
-    For a place, rows without load are omitted, too, as their readings do not depend on the place.
+    Noise of the light and of the circuit, if there is a circuit, is added to the readings. Loads without a reading are
+    omitted. If the position of the contact is a quantity, rows without load are omitted, too, as their readings do not
+    depend on it.
 
     Parameters
     ----------
     study : xr.Dataset
         Study of one scene.
     over : sequence of str, optional
-        Some of `OVER`; by default the force, or the depth if no force is varied, and the place if it is varied.
+        Requested quantities, keys of `OVER`; by default the force, or the depth if no force is varied, and the position
+        of the contact if it is varied.
     noise : float
         Relative standard deviation of the light.
     random : np.random.Generator

@@ -42,7 +42,7 @@ straight piece continues."""
 
 
 def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomial, list[str]]:
-    """Write a model of a study's readings that runs in any ONNX runtime.
+    """Fit a polynomial to the readings of a study, and write it as an ONNX model.
 
     Its input ``inputs`` (rows, inputs) has the varied parameters. Its outputs are ``readings`` (rows, taxels) in W and
     ``inside`` (rows,), which is true if all inputs are within the ranges of the study. Outside these ranges, the
@@ -146,7 +146,7 @@ class StudyError(NamedTuple):
 
 
 def study_error(study: xr.Dataset) -> StudyError:
-    """The error of a study's own readings, which a model has in addition to the error of its fit.
+    """Total error of the readings of a study; a model of the study has this error in addition to that of its fit.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def write_calibration(found: Calibration, file: str | Path) -> None:
 
 
 def read_printed(file: Path) -> Printed | None:
-    """The printed summary of a model or a calibration in an ONNX file; None if the file holds neither.
+    """Read the printed summary of a model or a calibration from its ONNX file; None if the file has no summary.
 
     Raises
     ------
@@ -247,7 +247,7 @@ def read_printed(file: Path) -> Printed | None:
 
 
 def read_polynomial(file: Path) -> Polynomial | None:
-    """The polynomial of the readings in a model that :func:`export` wrote; None if the file holds none.
+    """Read the polynomial from an ONNX file that :func:`export` wrote; None for any other file.
 
     Only constants are read. The graph of the file is not run, as it may be somebody else's.
 

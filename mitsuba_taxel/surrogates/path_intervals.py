@@ -18,14 +18,14 @@ ROUNDING = 1e-9
 
 
 def paths_needed(coverage: float) -> int:
-    """Least number of paths whose ranks give an interval at a coverage.
+    """Least number of paths from which a distribution-free prediction interval of a given coverage can be computed.
 
     The error of a new path is at most the largest error of n paths with a probability of n / (n + 1).
 
     Parameters
     ----------
     coverage : float
-        Fraction of the errors that the interval should contain, above 0 and below 1.
+        Fraction of new errors that the interval should contain, above 0 and below 1.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def paths_needed(coverage: float) -> int:
 
 
 def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> np.ndarray:
-    """Half width of a prediction interval for a row of a new path.
+    """Half width of a prediction interval for a row of a new path, from errors on left-out paths.
 
     With at least :func:`paths_needed` paths, it is the weighted quantile of the absolute errors: each path has a weight
     of 1 / (n + 1), distributed over its rows. With fewer, no finite interval holds for any distribution. The width is
@@ -74,7 +74,7 @@ def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> 
 
 
 def contained_by_path(missed: np.ndarray, folds: np.ndarray, path: np.ndarray, coverage: float) -> np.ndarray:
-    """Fraction of the errors of each path that lie in the interval determined by the other folds of cross-validation.
+    """Observed coverage of each path: fraction of its errors within the interval that the other folds determine.
 
     Parameters
     ----------

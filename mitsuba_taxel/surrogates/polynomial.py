@@ -24,21 +24,21 @@ class Unseen(NamedTuple):
 
 
 class Polynomial(NamedTuple):
-    """Readings (rows, taxels) in W as a polynomial of inputs (rows, inputs), within a box.
+    """Polynomial from inputs (rows, inputs) to readings (rows, taxels) in W, valid within the ranges of the inputs.
 
     Attributes
     ----------
     names, units : tuple[str, ...]
         Names and units of the inputs.
     low, high : (inputs,) ndarray
-        The box, in the units of the inputs.
+        Ranges of the inputs, in their units.
     exponents : (terms, inputs) ndarray of int
         Exponents of the inputs, scaled to -1 ... 1.
     weights : (terms, taxels) ndarray
         Coefficients of the terms, in W.
     rms, worst : float
-        Error of readings unseen by the fit, relative to the taxel's full scale, the range of its readings: root mean
-        square of the worst taxel, and largest of all.
+        Errors at readings that were left out of the fit, relative to the full scale of the taxel (the range of its
+        readings): root mean square for the worst taxel, and largest error of all taxels.
     tested : str
         A description of the test.
     unseen : Unseen or None
@@ -57,7 +57,7 @@ class Polynomial(NamedTuple):
     unseen: Unseen | None = None
 
     def __call__(self, inputs: np.ndarray) -> np.ndarray:
-        """Readings (rows, taxels) at inputs (rows, inputs), which are clipped to the box."""
+        """Readings (rows, taxels) at inputs (rows, inputs), which are clipped to their ranges."""
         span = np.where(self.high > self.low, self.high - self.low, 1.0)
         scaled = 2 * (np.clip(inputs, self.low, self.high) - self.low) / span - 1
         return terms(scaled, self.exponents) @ self.weights
@@ -71,10 +71,11 @@ def single(study: xr.Dataset | xr.DataTree) -> xr.Dataset:
 
 
 def polynomial_of(study: xr.Dataset) -> Polynomial:
-    """The polynomial of the degree that predicts left-out paths best.
+    """Fit the readings of a study by a polynomial of its varied numbers, of the degree that predicts new paths best.
 
-    A path is one curve of the study, at one combination of the other parameters. Inner paths are left out, so that the
-    rest spans the same box; for a study of one path, inner points.
+    A path is one curve of the study, at one combination of the other parameters. Each test leaves out a path inside the
+    ranges of the other parameters, so that the remaining paths span the same ranges. If the study has no such path, a
+    test leaves out an inner point.
 
     Parameters
     ----------
@@ -151,7 +152,8 @@ def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, n
 def _test_groups(scaled: np.ndarray, path: np.ndarray) -> tuple[list[np.ndarray], str]:
     """Masks (rows,) of the rows that each test leaves out, and a description of the tests.
 
-    A test leaves out a path, or a point if there are no such paths, without which the rest spans the same box.
+    A test leaves out a path such that the remaining rows span the same ranges of inputs. If there is no such path, it
+    leaves out a single row of this kind.
     """
     paths = [path == number for number in np.unique(path)]
     inside = [rows for rows in paths if not rows.all() and _spans(scaled[~rows])]
@@ -182,7 +184,7 @@ def _test_readings(
 
 
 def terms(scaled: np.ndarray, exponents: np.ndarray) -> np.ndarray:
-    """Products of powers of inputs.
+    """Evaluate the terms of a polynomial: products of powers of its inputs.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Results from the samples of a tolerance study: spread of each figure, linear estimate, shares of the parameters."""
+"""Results of a tolerance study: spread of each figure of merit, its linear estimate, and sensitivity indices."""
 
 from __future__ import annotations
 
@@ -33,30 +33,35 @@ NOISY = "samples are read with random numbers, whose noise is part of the spread
 class Tolerance:
     """Result of a tolerance study.
 
+    A sample is a sensor with random values of the parameters. An exact sample is computed by mechanics and light; the
+    other samples get a linear estimate from the derivatives at the mean of all parameters. A factor scales several
+    parameters.
+
     Attributes
     ----------
     spread : DataFrame
-        One row per figure (``rest``, ``sensitivity``, with a circuit ``noise_force`` and ``saturation_force``, and
-        ``crosstalk``) and taxel that all samples have: ``unit``; ``nominal``, with all parameters at their mean, and
-        ``nominal_error``, its standard error due to light, mechanics and geometry, NaN where it is not known; ``mean``,
-        ``sd``, ``low`` and ``high`` (5 and 95 %) of the samples, each with its standard error such as ``mean_error``;
-        ``linear_sd``, from derivatives, and ``linear_error``, the root mean square error of this linear prediction over
-        the samples, relative to ``sd``, NaN if that is 0; ``explained``, the cross-validated share of the variance
-        predicted by the polynomial behind the indices. With ``exact`` below the number of samples: ``mean``, ``sd``,
-        ``low`` and ``high`` of the linear answer of all samples, corrected by the exact ones; ``linear_error`` and
-        ``explained`` over the exact ones; and ``linear_explained``, the share of their variance explained by their
-        linear answer.
+        One row per figure of merit (``rest``, ``sensitivity``, with a circuit ``noise_force`` and ``saturation_force``,
+        and ``crosstalk``) and taxel. Columns: ``unit``; ``nominal``, the value with all parameters at their mean, and
+        ``nominal_error``, its standard error due to light, mechanics and geometry, NaN if unknown; ``mean``, ``sd``
+        (standard deviation), ``low`` and ``high`` (5 and 95 % quantile) of the samples, each with its standard error,
+        such as ``mean_error``; ``linear_sd``, the standard deviation from derivatives; ``linear_error``, the root mean
+        square error of the linear estimates of the samples, relative to ``sd``, NaN if ``sd`` is 0; ``explained``, the
+        cross-validated fraction of the variance that is predicted by the polynomial from which the indices follow. If
+        only some samples are exact: ``mean``, ``sd``, ``low`` and ``high`` are those of the linear estimates of all
+        samples, corrected by the exact samples; ``linear_error`` and ``explained`` are those of the exact samples; and
+        ``linear_explained`` is the fraction of the variance of the exact samples that their linear estimates explain.
     shares : DataFrame
-        One row per figure, taxel and parameter, or factor that scales several: ``rate``, the figure's derivative in
-        ``unit``; its ``linear`` share of the variance; the ``first`` and ``total`` Sobol' indices with their errors;
-        NaN where they are not known, as too little is explained.
+        One row per figure, taxel and parameter or factor: ``rate``, the derivative of the figure in ``unit``;
+        ``linear``, the fraction of the variance by linear propagation; the ``first`` and ``total`` Sobol' indices with
+        their errors, NaN if the polynomial explains too little of the variance.
     parameters : DataFrame
-        One row per parameter or factor: its ``law``, ``mean`` and ``sd``, and for each figure its ``total`` index, the
-        mean of all taxels, weighted by their variances, and ``total_error``, that of this mean.
+        One row per parameter or factor: its distribution (``law``), ``mean`` and ``sd``; and for each figure its
+        ``total`` index, averaged over the taxels with their variances as weights, and the error of this average,
+        ``total_error``.
     samples : DataFrame
-        One row per sample: its parameters and factors, and the figures of all taxels. With ``exact`` below the number
-        of samples: whether it is ``exact``, its figures if so, else NaN, and the linear answer, such as
-        ``linear_rest_1``.
+        One row per sample: its parameters and factors, and the figures of all taxels. If only some samples are exact:
+        ``exact`` tells which, figures of the others are NaN, and columns such as ``linear_rest_1`` are the linear
+        estimates.
     notes : list[str]
         Notes for the reader.
     """
@@ -69,7 +74,7 @@ class Tolerance:
 
 
 def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]) -> Tolerance:
-    """The result of a tolerance study.
+    """Compute the spreads, the indices and their errors from the samples of a tolerance study.
 
     Parameters
     ----------
@@ -80,7 +85,7 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
     samples : xr.Dataset
         Readings of the exact samples.
     notes : list[str]
-        Notes so far.
+        Notes of the run, to which the result adds further notes.
 
     Raises
     ------
@@ -146,7 +151,7 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
 
 
 def is_smooth(mean: xr.Dataset) -> bool:
-    """Whether all readings of the mean sensor are computed without random numbers."""
+    """Whether all readings of the sensor with mean parameters are computed without random numbers."""
     return "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
 
 
@@ -222,11 +227,12 @@ def _notes_of_few(
 def nominal_errors(
     plan: TolerancePlan, mean: xr.Dataset, force: np.ndarray, loaded: int | None
 ) -> dict[str, np.ndarray]:
-    """Standard errors (T,) of the figures of the mean sensor, due to the light, from its replicates, and to the shape.
+    """Standard errors of the figures of merit at the mean of all parameters, due to the light and the pad's shape.
 
-    Errors of the shape have smooth random courses along the force that are common to all taxels; see
-    `characterise.shape_error`. In a cross-talk, such an error cancels if both taxels change alike. As errors of
-    irregular meshes do not, changes due to the loaded taxel alone, and to the other taxels, are added in quadrature.
+    Errors of the light follow from its replicates. Errors of the shape are modelled as smooth random functions of the
+    force, common to all taxels; see `characterise.shape_error`. In the cross-talk, a ratio of two taxels, an error that
+    changes both taxels alike cancels. Errors of irregular meshes do not cancel; the changes due to the loaded taxel and
+    due to the other taxels are therefore added in quadrature.
 
     Parameters
     ----------
@@ -235,9 +241,14 @@ def nominal_errors(
     mean : xr.Dataset
         Readings of the mean sensor.
     force : np.ndarray
-        (forces,) N.
+        Forces (forces,) in N.
     loaded : int or None
-        Index of the loaded taxel.
+        Index of the loaded taxel, for the cross-talk.
+
+    Returns
+    -------
+    dict[str, (T,) ndarray]
+        Errors by figure for T taxels, one standard deviation in the unit of the figure.
     """
 
     def figures_of(study: xr.Dataset) -> dict[str, np.ndarray]:
@@ -395,16 +406,16 @@ def _linear(plan: TolerancePlan, at_mean: np.ndarray, slopes: np.ndarray, z: np.
 
 
 def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations (T,) of samples (N, T), and their standard errors (T,) from the kurtosis.
+    """Standard deviations of samples, and their standard errors from the kurtosis.
 
-    The errors are valid for random samples, and conservative for Latin hypercubes and Sobol' points. A small number of
-    samples underestimates the kurtosis. Therefore its estimate is unbiased for normal samples and at least that of a
-    normal distribution, and its uncertainty is added.
+    The errors are valid for random samples, and conservative for Latin hypercubes and Sobol' points. Few samples
+    underestimate the kurtosis. The estimate used here is unbiased for normal samples, is at least the kurtosis of a
+    normal distribution, and is increased by its uncertainty.
 
     Parameters
     ----------
     exact : (N, T) ndarray
-        The samples.
+        N samples of T taxels.
 
     Returns
     -------

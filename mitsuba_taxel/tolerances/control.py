@@ -16,20 +16,20 @@ QUANTITIES = ("mean", "sd", "low", "high")
 
 
 def corrected(exact: np.ndarray, linear: np.ndarray, linear_only: np.ndarray, seed: int) -> dict[str, np.ndarray]:
-    """Mean, standard deviation, 5 and 95 % quantile of samples of which few are exact.
+    """Mean, standard deviation and quantiles (5 and 95 %) from few exact samples and many linear estimates.
 
-    Each is the value for the linear answer of all samples, multiplied by a coefficient, plus the value for the exact
-    samples, minus the value for their multiplied linear answer. The coefficient is the slope of the exact samples
-    against their linear answer: if this explains nothing, the slope is 0, and the exact samples alone remain (S. S.
-    Lavenberg and P. D. Welch, A perspective on the use of control variables to increase the efficiency of Monte Carlo
-    simulations, Management Science 27, 1981).
+    The linear estimate is a control variate: each result is the value for the scaled linear estimates of all samples,
+    plus the value for the exact samples, minus the value for the scaled linear estimates of the exact samples. The
+    scale is the slope of the exact samples against their linear estimates; if these explain nothing, it is 0, and the
+    exact samples alone remain (S. S. Lavenberg and P. D. Welch, A perspective on the use of control variables to
+    increase the efficiency of Monte Carlo simulations, Management Science 27, 1981).
 
     Parameters
     ----------
     exact, linear : (N, T) ndarray
-        Exact samples, and their linear answer.
+        N exact samples of T taxels, and their linear estimates.
     linear_only : (M, T) ndarray
-        Linear answer of the samples that are not exact.
+        Linear estimates of the M samples that are not exact.
     seed : int
         Seed of the resamples.
 
@@ -55,7 +55,7 @@ def corrected(exact: np.ndarray, linear: np.ndarray, linear_only: np.ndarray, se
 
 
 def spreads(exact: np.ndarray, seed: int) -> dict[str, np.ndarray]:
-    """Errors ``mean_error``, ``low_error`` and ``high_error`` (T,) of exact samples (N, T) alone, over resamples.
+    """Standard errors of the mean and of both quantiles if all samples are exact, by the bootstrap.
 
     Errors of the quantiles are at least those of normal samples, as resamples repeat the few outermost samples.
 

@@ -16,16 +16,18 @@ SCALES = "scales"
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """Independent laws, and the parameters of a scene as products of them.
+    """Independent random variables of a tolerance study, and the parameters of the scene as products of them.
+
+    A factor, such as a shrinkage, multiplies several parameters, which are then correlated.
 
     Attributes
     ----------
     laws : list[Law]
-        Distributions of parameters, and of factors that scale several parameters.
+        Distributions of the independent variables: of single parameters, and of factors.
     products : dict[str, tuple[str, ...]]
-        For each parameter of the scene that varies, the names of the laws whose product it is.
+        For each varying parameter of the scene, the names of the distributions whose values are multiplied.
     constants : dict[str, float]
-        Values in the scene of scaled parameters without a separate law.
+        Values in the scene of parameters that only factors vary.
     """
 
     laws: list[Law]
@@ -33,7 +35,7 @@ class Factors:
     constants: dict[str, float]
 
     def parameters(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Parameters of the scene, by name, from numbers or arrays drawn from the tolerances' distributions."""
+        """Values of the scene's parameters, by name, for given values of the independent variables."""
         return {
             name: math.prod((values[law] for law in laws), start=self.constants.get(name, 1.0))
             for name, laws in self.products.items()
@@ -60,7 +62,7 @@ class Factors:
 
 
 def read_factors(tables: Mapping[str, object], values: Mapping[str, str]) -> Factors:
-    """The laws in the table ``[tolerance.of]``, for a scene whose parameters have these values.
+    """Read the distributions in the table ``[tolerance.of]`` of a study file.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from mitsuba_taxel.electronics.response import lit
 def figures(
     power: np.ndarray, force: np.ndarray, loaded: int | None = None, circuit: Circuit | None = None
 ) -> dict[str, np.ndarray]:
-    """Figures of a sensor from its readings.
+    """Figures of merit of a sensor for tolerance studies, from its readings against force.
 
     Parameters
     ----------
@@ -27,11 +27,12 @@ def figures(
     Returns
     -------
     dict[str, ndarray]
-        Each (..., taxels). ``rest``: reading at the least force. ``sensitivity``: mean slope from there to the largest
-        force. With a circuit, ``noise_force``: noise at the least force divided by the slope, infinite where the
-        converter is at full scale; and ``saturation_force``: least force at which the output reaches the circuit's
-        limit, with power linear between the forces, NaN if it does not. With several taxels, ``crosstalk``: relative
-        change of the reading between these forces, divided by that of the loaded taxel, for which it is NaN.
+        Values (..., taxels) by figure. ``rest``: reading at the least force. ``sensitivity``: mean slope from the least
+        to the largest force. With a circuit, ``noise_force``: noise at the least force divided by the slope, infinite
+        where the converter is at full scale; and ``saturation_force``: least force at which the output reaches the
+        circuit's limit, with power linear between the forces, NaN if the output does not reach the limit. With several
+        taxels, ``crosstalk``: relative change of the reading from the least to the largest force, divided by the
+        relative change of the loaded taxel; NaN for the loaded taxel.
     """
     readings = shown_readings(power, circuit)
     first, last = np.abs(force).argmin(), np.abs(force).argmax()
@@ -71,16 +72,23 @@ def loaded_taxel(readings: np.ndarray, force: np.ndarray) -> int:
 def figure_rates(
     power: np.ndarray, rates: np.ndarray, force: np.ndarray, loaded: int | None, circuit: Circuit | None = None
 ) -> dict[str, np.ndarray]:
-    """Derivatives (taxels, parameters) of the figures by name, by central differences.
+    """Derivatives of the figures of merit with respect to parameters, from those of the readings.
+
+    The chain rule is applied by central differences of :func:`figures`.
 
     Parameters
     ----------
     power : (forces, taxels) ndarray
         Readings in W.
     rates : (forces, taxels, parameters) ndarray
-        Their derivatives.
+        Derivatives of the readings with respect to the parameters.
     force, loaded, circuit
         See :func:`figures`.
+
+    Returns
+    -------
+    dict[str, (taxels, parameters) ndarray]
+        Derivatives by figure.
     """
     largest = np.nanmax(np.abs(rates), initial=0.0)
     step = 1e-4 * np.abs(power).max() / (largest if largest > 0 else 1.0)

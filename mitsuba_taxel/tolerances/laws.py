@@ -78,7 +78,7 @@ LAWS: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
 
 
 def law_of(name: str, table: object) -> Law:
-    """The distribution of a parameter in a study file.
+    """Read the distribution of a parameter from its table in a study file.
 
     Parameters
     ----------

@@ -26,18 +26,18 @@ BEYOND = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class TolerancePlan:
-    """A tolerance study.
+    """Definition of a tolerance study.
 
     Attributes
     ----------
     factors : Factors
-        Distributions, and the parameters with tolerances as products of them.
+        Distributions of the independent variables, and the parameters of the scene as products of them.
     force : str
         Name of the varied force; empty if none is varied.
     shares : (samples, laws) ndarray
-        Cumulative probabilities of the samples.
+        Samples of the independent variables, as cumulative probabilities of their distributions.
     exact : int
-        Number of samples, the first ones, that are computed by the whole chain.
+        Number of exact samples, computed by mechanics and light; these are the first samples.
     batch : Batch
         The sensor with all parameters at their mean.
     """
@@ -55,7 +55,7 @@ class TolerancePlan:
 
     @property
     def standardised(self) -> np.ndarray:
-        """Samples relative to the mean, in standard deviations, (samples, laws), from values rounded as written."""
+        """Samples (samples, laws) as differences from the mean in standard deviations, rounded as in written scenes."""
         values = np.array(list(self._columns().values())).T
         return (values - [law.mean for law in self.laws]) / [law.deviation for law in self.laws]
 
@@ -78,7 +78,7 @@ class TolerancePlan:
 
 
 def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
-    """The plan in a study file with a table ``[tolerance]``.
+    """Read the definition of a tolerance study from a study file with a table ``[tolerance]``.
 
     Parameters
     ----------

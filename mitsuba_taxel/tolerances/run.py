@@ -37,10 +37,10 @@ def run_tolerance(
     retry_failed: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> Tolerance:
-    """Propagate distributions of parameters of a scene to its readings.
+    """Propagate the tolerances of a scene's parameters, given as distributions, to its readings.
 
-    Every sample is a job of a study in ``output``. The same call resumes an interrupted run; a call with a larger
-    ``exact`` computes the missing samples.
+    Each random sample of the sensor is a job of a study in ``output``. The same call resumes an interrupted run; a call
+    with a larger ``exact`` computes the missing samples.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ def run_tolerance(
     output : str or Path
         Folder for the results; new, empty, or that of the same study.
     exact : int, optional
-        Number of samples computed by the whole chain, from 8 to all; by default ``exact`` in the table ``[tolerance]``,
-        or all samples. The other samples get a linear estimate from derivatives. Mean, spread and quantiles are those
-        of the linear estimates of all samples, corrected by the exact samples.
+        Number of samples that are computed by mechanics and light, from 8 to all; by default ``exact`` in the table
+        ``[tolerance]``, or all samples. The other samples get a linear estimate from derivatives. Mean, spread and
+        quantiles are then those of the linear estimates of all samples, corrected by the exact samples.
     workers : int, optional
         Number of processes to use, in place of this one.
     scheduler : str, optional

@@ -31,7 +31,7 @@ EXACT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ResponseSurface:
-    """Polynomial least-squares fit to samples of several outputs.
+    """Polynomial in the standardised parameters, fitted by least squares to samples of several outputs.
 
     Attributes
     ----------
@@ -59,14 +59,14 @@ class ResponseSurface:
 
 
 def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
-    """The polynomial of the best prediction, among all degrees for which there are enough samples.
+    """Fit the polynomial that predicts best, among all degrees for which there are enough samples.
 
     Parameters
     ----------
     z : (N, parameters) ndarray
-        Standardised parameters of the samples.
+        Standardised parameters of N samples.
     outputs : (N, outputs) ndarray
-        Their outputs.
+        Outputs of the samples.
 
     Returns
     -------
@@ -102,11 +102,12 @@ def more_samples(parameters: int, count: int) -> tuple[int, int] | None:
 
 
 class SobolIndices(NamedTuple):
-    """First and total Sobol' indices (outputs, parameters), and their standard errors; NaN if nothing varies, or the
-    polynomial explains less than ENOUGH of the variance.
+    """First-order and total Sobol' indices (outputs, parameters), and their standard errors.
 
+    They are NaN for an output that does not vary, or of whose variance the polynomial explains less than `ENOUGH`.
     Errors are those of the coefficients, by a bootstrap of the residuals (B. Efron, R. Tibshirani, An Introduction to
-    the Bootstrap, 1993, section 9.4), combined with half of the unexplained share, which may be due to any parameter.
+    the Bootstrap, 1993, section 9.4), combined with half of the unexplained fraction of the variance, which may be due
+    to any parameter.
     """
 
     first: np.ndarray
@@ -116,14 +117,14 @@ class SobolIndices(NamedTuple):
 
 
 def indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> SobolIndices:
-    """Sobol' indices of the outputs to which a polynomial was fitted, for parameters with these laws.
+    """Sobol' indices of the outputs of a fitted polynomial.
 
     Parameters
     ----------
     polynomial : ResponseSurface
         Polynomial of :func:`fitted`.
     laws : sequence of Law
-        Laws of the parameters.
+        Distributions of the parameters.
 
     Returns
     -------

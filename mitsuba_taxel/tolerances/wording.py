@@ -14,7 +14,7 @@ INDICES = "Which tolerance costs most: total Sobol' indices, mean of the taxels"
 
 
 def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
-    """The rows of the table of spreads, ``spread.csv``.
+    """Format the table of spreads, ``spread.csv``, as rows of text.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def spread_rows(spread: pandas.DataFrame) -> list[tuple[str, ...]]:
 
 
 def spread_answer(spread: pandas.DataFrame) -> str:
-    """The largest spread of each figure over the taxels, in one line.
+    """State the largest relative spread of each figure over the taxels, with its error, in one line.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def _error_of(row: Any) -> str:
 
 
 def index_rows(parameters: pandas.DataFrame) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """The headings and rows of the table of total Sobol' indices, ``parameters.csv``.
+    """Format the table of total Sobol' indices, ``parameters.csv``, as headings and rows of text.
 
     Parameters
     ----------

@@ -27,9 +27,10 @@ def principal(mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A law with a given number of terms.
+    """A hyperelastic law with a given number of terms, to be fitted to tests.
 
-    Nominal stress is a sum of columns, each multiplied by a constant in MPa. Columns may depend on shape parameters.
+    The nominal stress is linear in the moduli (constants in MPa): it is a sum of columns, each multiplied by a modulus.
+    Columns are functions of the stretch; they may depend on shape parameters, such as the exponents of Ogden's law.
 
     Attributes
     ----------
@@ -38,7 +39,7 @@ class Candidate:
     moduli, shapes : tuple[str, ...]
         Names of the constants in MPa, and of the shape parameters.
     columns : Callable
-        Function of mode, stretch (n,) and shape parameters that returns the columns (n, moduli).
+        Function of the test mode, n stretches and the shape parameters, which returns the columns (n, moduli).
     starts : tuple[tuple[float, ...], ...]
         Shape parameters from which fits start.
     bounds : tuple[float, float]
@@ -46,7 +47,7 @@ class Candidate:
     positive : bool
         Whether all moduli must be 0 or more.
     build : Callable
-        Function that returns the law for constants by name.
+        Function that returns the law with given constants, by name.
     """
 
     label: str

@@ -23,7 +23,9 @@ STEP = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class LawFit:
-    """A law fitted to tests.
+    """A law fitted to tests: p constants, c test curves with n rows altogether.
+
+    The slack of a curve is the strain at which its specimen becomes taut, if this differs from 0.
 
     Attributes
     ----------
@@ -37,7 +39,7 @@ class LawFit:
     low, high : (p,) ndarray
         Ends of 95 % intervals.
     slacks, slack_errors : (c,) ndarray
-        Slack of each curve, and its standard deviation.
+        Slack of each curve as nominal strain, and its standard deviation.
     stress : list[ndarray]
         Fitted nominal stress of each curve in MPa.
     misfit : float
@@ -45,18 +47,19 @@ class LawFit:
     rms : float
         Root mean square of the residuals, relative to the largest stress of their curve.
     predicted : (n,) ndarray
-        Cross-validated residuals, relative to the noise: each from a fit without its row.
+        Residuals of leave-one-out cross-validation, relative to the noise: the residual of each row is from a fit
+        without this row.
     cross_validated : float
-        Root mean square of these residuals, relative to the largest stress of their curve.
+        Root mean square of the cross-validated residuals, relative to the largest stress of their curve.
     material : Material or None
-        The law; None if it is refused.
+        The law with its constants; None if it is refused.
     stable : float
         Principal stretch up to which the law is stable.
     refusal : str
         Reason why the law is refused; empty if it is not.
     possible_slacks : (2, c) ndarray
-        Least and largest slack of each curve that the tests do not exclude and that the intervals include; zeros if the
-        intervals include ``slacks`` only.
+        Least and largest slack of each curve that is compatible with the tests, as included in the intervals; zeros if
+        the intervals include ``slacks`` only.
     """
 
     candidate: Candidate
@@ -78,7 +81,7 @@ class LawFit:
 
 
 class Tests:
-    """Curves and their noise, stacked.
+    """The rows of all test curves in common arrays, with their noise.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Material laws ranked by how well they predict tests of a silicone."""
+"""Material laws fitted to tests of a silicone, ranked by their prediction errors."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ class MaterialFit:
     Attributes
     ----------
     fits : list[LawFit]
-        Laws, the best law first: the law with the fewest constants, unless another law predicts clearly better. The
-        other laws follow by their cross-validated error, and refused laws last.
+        Fitted laws, the best first. The best is the law with the fewest constants, unless another law predicts clearly
+        better. The other laws follow in the order of their cross-validated errors; refused laws are last.
     curves : list[StressCurve]
         Tests.
     noises : list[CurveNoise]
@@ -56,7 +56,7 @@ class MaterialFit:
     relaxation : RelaxationFit or None
         Prony series.
     warnings, notes : list[str]
-        Doubts about the result; notes on omitted or converted rows.
+        Reasons to doubt the result; notes on omitted or converted rows.
     """
 
     fits: list[LawFit]
@@ -108,7 +108,7 @@ def fit_material(
     true_stress: bool = False,
     up_to: float | None = None,
 ) -> MaterialFit:
-    """Fit all laws to tests of a silicone, and rank them.
+    """Fit hyperelastic laws to tests of a silicone, and rank them by their cross-validated errors.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def fit_material(
 
 
 def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None) -> MaterialFit:
-    """Fit all laws to loading branches, and rank them; see `fit_material`.
+    """Fit hyperelastic laws to the loading branches of tests, and rank them; see `fit_material`.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ CONTRADICTION = 0.10
 
 
 class CurveNoise(NamedTuple):
-    """Noise of a curve.
+    """Noise of the stress in a test curve of N rows.
 
     Attributes
     ----------
@@ -29,7 +29,8 @@ class CurveNoise(NamedTuple):
     grows : bool
         Whether the deviation grows with the stress.
     slack : float
-        Estimate of the strain of slack, or of preload if negative; 0 if the curve starts at the origin.
+        Nominal strain at which the stress begins: slack of the specimen if positive, preload if negative, 0 if the
+        curve starts at the origin.
     """
 
     deviation: np.ndarray
@@ -39,25 +40,25 @@ class CurveNoise(NamedTuple):
 
 
 def taken_up(curve: StressCurve, slack: float) -> np.ndarray:
-    """Stretches (N,) without slack; 1 for rows before the slack is taken up."""
+    """Stretches (N,) of a curve relative to the length at which the slack is taken up; 1 for rows before."""
     sign = 1.0 if curve.strain.sum() > 0 else -1.0
     return 1 + sign * np.maximum(sign * curve.strain - slack, 0)
 
 
 def curve_noise(curve: StressCurve, slack: float = 0.0) -> CurveNoise:
-    """The noise of a curve.
+    """Estimate the noise of a test curve from its deviation from a smooth curve.
 
     Parameters
     ----------
     curve : StressCurve
         Loading branch of a test.
     slack : float
-        Estimate of the strain of slack.
+        Nominal strain at which the stress begins.
 
     Returns
     -------
     CurveNoise
-        Noise of the more likely of two kinds: constant, or growing with the stress.
+        Noise, either constant or growing with the stress, whichever is more likely.
     """
     fitted, deviation, grows = _smooth(curve, slack)
     return CurveNoise(deviation, float(deviation.max() / max(np.abs(fitted).max(), 1e-300)), grows, slack)
@@ -84,7 +85,7 @@ def _smooth(curve: StressCurve, slack: float = 0.0) -> tuple[np.ndarray, np.ndar
 
 
 def refuse_contradictions(curves: list[StressCurve], noises: list[CurveNoise]) -> list[str]:
-    """Compare tests of the same mode where their strains overlap.
+    """Compare tests of the same mode where their strains overlap, and refuse tests that contradict each other.
 
     Parameters
     ----------

@@ -49,9 +49,9 @@ class RelaxationFit:
 
 
 def fit_relaxation(file: str | Path) -> RelaxationFit:
-    """Fit a Prony series to stress or force over time at a constant strain.
+    """Fit a Prony series to a relaxation test: stress or force over time at a constant strain.
 
-    One to four terms are fitted; more terms are used if they predict rows better that were left out of the fit.
+    Series of one to four terms are fitted; a longer series is chosen if it predicts left-out rows better.
 
     Parameters
     ----------

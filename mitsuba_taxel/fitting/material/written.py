@@ -14,7 +14,7 @@ from mitsuba_taxel.fitting.material.material_fit import MaterialFit
 
 
 def write_material(fit: MaterialFit, file: str | Path, title: str = "") -> None:
-    """Write the best law as a TOML file that scenes use as ``material``.
+    """Write the best law as a TOML file; scenes name this file as their ``material``.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def _value(value: Any) -> str:
 
 
 def material_answer(fit: MaterialFit) -> str:
-    """The law and its constants, in one line.
+    """State the best law and its constants with their errors, in one line.
 
     Parameters
     ----------

@@ -41,12 +41,12 @@ WRITTEN_KEYS = ("provenance",)
 
 @dataclass(frozen=True)
 class Batch:
-    """One scene at every combination of its varied values.
+    """Definition of a batch: one scene, computed at every combination of the values of its varied parameters.
 
     Attributes
     ----------
     name : str
-        Label, and subfolder of the results in a study of several scenes; may be blank.
+        Name of the scene, and of its subfolder of results, in a study of several scenes; else blank.
     file : Path
         The scene.
     defines : dict[str, str]
@@ -56,7 +56,7 @@ class Batch:
     target_error, time_budget, mesh_size : float or None
         See ``sweep``; common to all scenes.
     points : int or None
-        See ``sweep``. With 0 points, a value that no file contains, light is computed without random numbers.
+        See ``sweep``. 0 requests light without random numbers; users cannot set it.
     seed : int
         See ``sweep``.
     maps : bool
@@ -64,13 +64,13 @@ class Batch:
     derivatives : tuple[str, ...]
         Parameters with respect to which readings are differentiated.
     target_slope : float or None
-        Relative error of the slopes by the varied forces.
+        Target for the relative error of the slopes of readings with respect to the varied forces.
     circuit : Circuit or None
         Read-out circuit whose voltages are reported with the powers.
     from_paths : bool
         Whether derivatives are computed by random paths where light without random numbers does not provide them.
     bare : bool
-        Whether to compute readings only, without meshes, slopes, and errors of mechanics and geometry.
+        Whether only readings are computed: no meshes, no slopes, and no errors of mechanics and geometry.
     meshes : str
         Which meshes are stored: one of :data:`KEPT_MESHES`.
     """
@@ -161,7 +161,7 @@ def make_batch(
     name: str = "",
     folder: Path = Path(),
 ) -> Batch:
-    """A batch, checked as far as possible without loading a scene.
+    """Create a `Batch` from the arguments of :func:`sweep`, with all checks that need no loaded scene.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def make_batch(
 
 
 def loads_among(roles: Mapping[str, tuple[str, int]]) -> list[str]:
-    """Names of the parameters whose role is a component of a load.
+    """Names of the parameters that set a component of the load (force, displacement or pressure).
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ def _forces(axes: Iterable[Axis], forces: Collection[str]) -> tuple[str, ...]:
 
 
 def check_target_slope(target_slope: object) -> None:
-    """Refuse a target error of slopes that is not None or a number between 0 and 1.
+    """Check a target error of slopes: None, or a number between 0 and 1.
 
     Raises
     ------
@@ -318,7 +318,7 @@ def _forces_for(target_slope: object, axes: Iterable[Axis], names: Collection[st
 
 
 def read_study_of(table: str, file: Path) -> tuple[dict[str, Any], Any]:
-    """A study file of one scene that holds an additional table, such as ``[fit]``.
+    """Read a study file of one scene that contains an additional table, such as ``[fit]``.
 
     Parameters
     ----------
@@ -347,7 +347,7 @@ def read_study_of(table: str, file: Path) -> tuple[dict[str, Any], Any]:
 
 
 def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The content of a study file.
+    """Read a study file, and check its keys.
 
     Parameters
     ----------
@@ -463,7 +463,7 @@ def parameters_in(source: str, folder: Path = Path()) -> Mapping[str, str]:
 
 
 def columns_of(file: Path, what: str = "steps", parameters: Collection[str] = ()) -> dict[str, list[str]]:
-    """The columns of a CSV file of steps, as lists of words by parameter; arguments are those of :func:`read_steps`.
+    """Read the columns of a CSV file of load steps, as lists of values by parameter.
 
     Parameters
     ----------

@@ -20,11 +20,11 @@ TARGETS = ("target_error", "target_slope", "points")
 
 
 def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
-    """The batch, extended by the values of a stored study of the same scene.
+    """Merge a requested batch with the stored study of the same scene that it extends.
 
-    Values of a varied parameter are merged; if it is varied in only one of the two studies, the fixed value of the
-    other is included. Tables of steps may be continued. The smaller target error, or the larger number of points,
-    applies. A batch that does not extend the stored study is returned unchanged.
+    Values of a varied parameter are merged. If a parameter is varied in only one of the two studies, its fixed value in
+    the other study is included. A table of steps may be continued by further rows. The smaller target error, or the
+    larger number of points, applies. A batch that does not extend the stored study is returned unchanged.
     """
     before = make_axes(stored.get("vary", {}), stored.get("together"), forces=batch.forces, loads=batch.loads)
 
@@ -107,10 +107,10 @@ def _keys(words: Sequence[str]) -> list[Any]:
 
 
 def without_failed(stored: Mapping[str, Any], batch: Batch, done: Set[int], failed: Set[int]) -> dict[str, Any]:
-    """A stored study without the varied values for which every job failed.
+    """Remove, from a stored study, varied values without any result that are not requested again.
 
-    A value is dropped if none of its scenes has a result, the batch does not request it, and one of its scenes has
-    failed or it is a word among numbers.
+    A value is removed if none of its scenes has a result, the requested batch does not contain it, and either one of
+    its scenes has failed or it is text among numbers.
 
     Parameters
     ----------

@@ -19,12 +19,12 @@ def histories(
     roles: Mapping[str, tuple[str, int]] = MappingProxyType({}),
     constants: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, list[str]] | None:
-    """The load history of each step of a load path with times.
+    """Load history of each step of a load path with times: the times and loads of all earlier steps.
 
     Parameters
     ----------
     steps : Mapping[str, Sequence[str]]
-        Words by parameter, one for each step.
+        Values as text by parameter, one for each step.
     parameters : Mapping[str, str]
         Parameters of the scene. Load components without a column in the steps keep its values, or are 0.
     varied : Sequence[str]
@@ -38,13 +38,13 @@ def histories(
     Returns
     -------
     dict[str, list[str]] or None
-        Words by the name of the history's parameter, one for each step: times and loads of all earlier steps. None if
-        the steps have no times, or already have a column of histories.
+        Histories as text, one for each step, under the name of the scene's parameter for the history. None if the steps
+        have no times, or already have a column of histories.
 
     Raises
     ------
     InputError
-        if the scene takes no history, it cannot be determined, or times go back.
+        if the scene has no parameter for the history, the history cannot be determined, or times decrease.
     """
     named = {role: (name, sign) for name, (role, sign) in roles.items()}
 

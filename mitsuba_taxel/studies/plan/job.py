@@ -21,7 +21,7 @@ MESHES, MAPS = "meshes", "maps"
 
 @dataclass(frozen=True)
 class Job:
-    """One scene to read.
+    """A job of a study: one scene whose readings are computed, and the settings for that.
 
     Attributes
     ----------
@@ -30,8 +30,8 @@ class Job:
     file : Path
         The scene.
     parameters : dict[str, str]
-        Values of its parameters. With a value of `TO_CONTACT`, derivatives are those of the first contact, not of the
-        readings.
+        Values of its parameters. With a value of `TO_CONTACT`, the derivatives are those of the load at first contact
+        instead of those of the readings.
     points, seed : int
         See ``measure``; 0 if light should be computed without random numbers.
     mesh_size : float or None
@@ -43,20 +43,23 @@ class Job:
     derivatives : tuple[str, ...]
         See ``measure``; their errors are computed together with that of the mechanics.
     where_smooth : bool
-        Whether derivatives are computed only if the readings need no random numbers, and else omitted without a remark.
+        Whether derivatives are computed only if the readings need no random numbers; otherwise they are omitted without
+        a note.
     from_paths : bool
         Whether derivatives are differences of random paths where light without random numbers does not provide them.
     fitted : tuple[str, ...]
-        Parameters of ``derivatives`` whose derivatives follow from curves through the readings of the study instead.
+        Parameters among ``derivatives`` whose derivatives are slopes of a smooth curve through all readings of the
+        study. The job leaves them NaN.
     bare : bool
         Whether the error of the pads' shape may remain unknown.
     continued : Readings or None
         Readings of the same scene with fewer points, which this job extends.
     base : dict[str, str] or None
-        Parameters of the scene relative to which readings are traced, if walls allow it: see `PairedReading`.
+        Parameters of a reference scene. Light is traced on the same random paths as in the reference scene, if the
+        walls allow it: see `PairedReading`.
     sides : dict[str, int]
-        Position of all other values of a parameter in the study, by parameter: 1 if they are larger, -1 if they are
-        smaller, 0 if they are on both sides. Derivatives at a kink are those of that side.
+        For each parameter, the side on which the study has other values: 1 if all are larger, -1 if all are smaller, 0
+        if they lie on both sides. At a kink, the derivative towards that side is computed.
     plugins : tuple[Path, ...]
         Files of the user's own plugins, loaded by the process that computes the job.
     """
@@ -98,7 +101,7 @@ class Failure:
     message : str
         One line.
     bad_input : bool
-        Whether the scene was refused, rather than its computation failed.
+        True if the input of the scene was refused; False if its computation failed.
     """
 
     message: str
@@ -119,7 +122,7 @@ def describe(values: Mapping[str, str], roles: Mapping[str, Sequence[Any]] = Map
     values : Mapping[str, str]
         Values by parameter.
     roles : Mapping[str, Sequence[Any]]
-        Role and sign by parameter. A parameter without an entry has its name as role.
+        Role of each parameter (see `roles_of_parameters`), and its sign. By default, the role is the parameter's name.
     """
     past = {name for name, (role, *_) in roles.items() if role == HISTORY} or {HISTORY}
     shown = {name: value for name, value in values.items() if name not in past | {MESHED_AS}}

@@ -19,9 +19,9 @@ MOST_OTHERS = 8
 
 
 def check_values(batch: Batch) -> None:
-    """Refuse a batch with a value that all scenes refuse, or with a derivative that no scene has.
+    """Refuse a batch with a value that is invalid in every combination, or with a derivative that no scene provides.
 
-    A value that only some combinations refuse is allowed: these scenes fail, others are computed.
+    A value that is invalid in some combinations only is allowed: these scenes fail, and the others are computed.
 
     Raises
     ------
@@ -46,8 +46,9 @@ def check_values(batch: Batch) -> None:
 
 
 def check_derivatives(batch: Batch) -> None:
-    """Refuse a batch with a derivative that no scene has; if only some scenes lack it, their jobs fail when they are
-    computed.
+    """Refuse a batch with a derivative that no scene provides.
+
+    If only some scenes do not provide it, their jobs fail when they are computed.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from mitsuba_taxel.studies.plan.vary import MOST_JOBS
 
 
 def read_steps(file: str | Path, what: str = "steps", known: Collection[str] = ()) -> list[dict[str, str]]:
-    """The rows of a CSV file whose headings name parameters of a scene.
+    """Read a CSV file of load steps, whose headings are parameters of a scene, one step per row.
 
     Values with a unit in their heading, such as ``fz_mN`` or ``height [cm]``, are converted to mm, N, MPa, s and
     degrees, unless the whole heading is the name of a parameter.
@@ -28,7 +28,7 @@ def read_steps(file: str | Path, what: str = "steps", known: Collection[str] = (
     Returns
     -------
     list[dict[str, str]]
-        For each row, the words by parameter.
+        For each row, the values as text by parameter.
 
     Raises
     ------

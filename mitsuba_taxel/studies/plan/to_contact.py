@@ -1,4 +1,4 @@
-"""First contacts in studies, requested by an additional parameter that no scene has."""
+"""Computation of the first contact of a pad in a study, requested by an additional parameter of its jobs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,12 @@ to -40; with 'none' it is not followed."""
 
 
 def path_to_contact(word: str) -> tuple[str, float] | None:
-    """The parameter along which the load path is followed to contact, and its last value; None for ``none``.
+    """Parse a value of `TO_CONTACT`, such as ``fz=-40``: the load that grows until contact, and its last value.
+
+    Returns
+    -------
+    tuple[str, float] or None
+        Name of the load's parameter and its last value; None for the value ``none``.
 
     Raises
     ------

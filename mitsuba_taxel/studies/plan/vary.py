@@ -31,16 +31,16 @@ TAKEN = frozenset(
 
 
 class Axis(NamedTuple):
-    """One dimension of a study.
+    """One dimension of a study: the values of a varied parameter, or of several parameters varied together.
 
     Attributes
     ----------
     dim : str
-        Name: that of its parameter, or ``step``.
+        Name of the dimension: the name of its parameter, or ``step``.
     values : dict[str, list[str]]
-        Values by parameter, one word for each index along the dimension.
+        Values as text by parameter, one for each index along the dimension.
     is_open : bool
-        Whether the values are the two ends of a range whose steps are still to be chosen.
+        Whether ``values`` are the two ends of a range, between which steps are chosen later.
     is_force : bool
         Whether its parameter is a component of the force.
     is_load : bool
@@ -66,20 +66,25 @@ def make_axes(
     forces: Collection[str] = FORCES,
     loads: Collection[str] = (),
 ) -> tuple[Axis, ...]:
-    """The dimensions of a study.
+    """Create the dimensions of a study from its varied parameters.
 
     Parameters
     ----------
     vary : Mapping[str, str or Iterable[object]]
-        Values by parameter; each makes a dimension.
+        Values by parameter; each parameter is one dimension.
     together : Mapping[str, str or Iterable[object]], optional
-        Values by parameter, of equal lengths, which make one further dimension.
+        Values by parameter, of equal lengths. These parameters change together along one further dimension.
     folder : Path
         Folder to which the paths of files with values are relative.
     forces : Collection[str], optional
         Names of the parameters that are components of the force.
     loads : Collection[str], optional
-        Names of the parameters that are components of another load: displacements, pressures.
+        Names of the parameters that are components of a displacement or a pressure.
+
+    Returns
+    -------
+    tuple[Axis, ...]
+        The dimensions, in the order of ``vary``; the dimension of ``together`` is last.
 
     Raises
     ------
@@ -130,14 +135,14 @@ def _axis(name: str, values: str | Iterable[object], folder: Path, is_force: boo
 
 
 def parse_values(name: str, values: str | Iterable[object], folder: Path = Path()) -> list[str]:
-    """The values of one varied parameter, as words passed to the scene.
+    """Parse the values of one varied parameter; they are returned as text, as a scene takes them.
 
     Parameters
     ----------
     name : str
         The parameter, for error messages.
     values : str or Iterable[object]
-        ``start:stop:step`` (stop included), ``a,b,c``, ``@FILE`` with one value per line, or the values.
+        ``start:stop:step`` (stop included), ``a,b,c``, ``@FILE`` with one value per line, or a list of values.
     folder : Path
         Folder to which a file's path is relative.
 
@@ -179,7 +184,7 @@ def combinations(axes: Sequence[Axis]) -> Iterator[tuple[tuple[int, ...], dict[s
     index : tuple[int, ...]
         Index along each dimension.
     values : dict[str, str]
-        Word of each varied parameter.
+        Value as text by varied parameter.
     """
     for index in product(*(range(axis.size) for axis in axes)):
         positions = zip(axes, index, strict=True)
@@ -218,10 +223,10 @@ def _is_in_range(number: Decimal) -> bool:
 
 
 def curve_dimension(axes: Sequence[Axis]) -> str:
-    """Name of the dimension to plot readings against.
+    """Name of the dimension along which readings are plotted as curves.
 
-    Among the dimensions with several values this is the steps or the first force; else the first other load; else the
-    first numeric parameter. Without any of these, it is the first dimension.
+    Of the dimensions with several values, the first of these kinds is chosen: load steps or a force, another load, a
+    numeric parameter. If there is none, it is the first dimension.
     """
     longer = [axis for axis in axes if axis.size > 1]
     forces = [axis.dim for axis in longer if axis.dim == STEP or axis.is_force]
@@ -231,7 +236,7 @@ def curve_dimension(axes: Sequence[Axis]) -> str:
 
 
 def sides_along(axis: Axis) -> list[dict[str, int]]:
-    """Side on which the other values of a dimension lie, for each of its values.
+    """For each value along a dimension, the side on which the other values lie, for one-sided derivatives at the ends.
 
     Returns
     -------
@@ -249,10 +254,10 @@ def sides_along(axis: Axis) -> list[dict[str, int]]:
 
 
 def checked_places(axis: Axis) -> set[int]:
-    """Indices along a dimension at which the effect of the mechanics' error is computed.
+    """Indices along a dimension at which the effect of the mechanics' error on readings is computed.
 
-    The effect changes slowly along a smooth curve, so that `MOST_CHECKED` indices suffice there. All indices are
-    returned if there are fewer, or if the values are not monotonic.
+    The effect changes slowly along a smooth curve; `MOST_CHECKED` evenly spread indices are chosen, and results between
+    them are interpolated. All indices are returned if there are fewer, or if the values are not monotonic.
     """
     steps = [np.diff(numbers) for words in axis.values.values() if (numbers := as_numbers(words))]
     smooth = len(steps) == len(axis.values) and all(np.all(step >= 0) or np.all(step <= 0) for step in steps)

@@ -1,4 +1,4 @@
-"""Choice of the steps of a force whose range has no step size: no more steps than its curves and slopes need.
+"""Choice of load steps for a force that is given as a range without a step size: as few as the curves need.
 
 Between two steps, a curve is interpolated by the cubic Hermite polynomial of their readings and slopes. The reading in
 the middle is computed as well, and becomes a step. If it deviates from the polynomial, both halves are examined;
@@ -42,9 +42,9 @@ MOST_CURVES = 4
 
 @in_turn
 def with_chosen_steps(batch: Batch) -> Batch:
-    """The batch with chosen steps for its open range, and with derivatives with respect to that force.
+    """Choose the steps of a force that is given as a range without a step size.
 
-    A batch without an open range is returned unchanged.
+    The result also requests derivatives with respect to that force. A batch without such a range is returned unchanged.
 
     Raises
     ------
@@ -90,14 +90,14 @@ def _steps(batch: Batch, axis: Axis, fixed: Mapping[str, str]) -> list[float]:
 
 
 class _StepCurve:
-    """Readings of all taxels along one force.
+    """Readings of all taxels along one force, from which load steps are chosen.
 
     Parameters
     ----------
     batch : Batch
         Study of the scene.
     axis : Axis
-        The open range of the force.
+        The force's dimension, whose values are the two ends of its range.
     fixed : Mapping[str, str]
         Values of the other varied parameters.
     """

@@ -12,7 +12,9 @@ from mitsuba_taxel.studies.store.curve_slopes import fitted_forces
 
 
 def curve_jobs(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]]:
-    """The jobs of a batch, grouped by curve: the scenes along the curve's dimension, which may share a load path.
+    """Create the jobs of a batch, grouped by curve.
+
+    A curve has the scenes along one dimension (`curve_dimension`), which may share a load path.
 
     Parameters
     ----------
@@ -21,7 +23,7 @@ def curve_jobs(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]
     settings : Settings
         Points and mesh size of all scenes.
     stored : bool
-        Whether results are stored in a folder, with meshes and maps where these are asked for.
+        Whether results are stored in a folder, with the requested meshes and maps.
 
     Returns
     -------

@@ -32,7 +32,7 @@ MOST_LOADS = 5
 
 
 class CurvePilot:
-    """Readings of some loads along one force.
+    """Pilot run: readings at some loads along one force, from which the noise of slopes is estimated.
 
     Parameters
     ----------
@@ -55,8 +55,7 @@ class CurvePilot:
         self._at, self._seed, self._runs = at, derived_seed(seed, PILOT), dict[float, Run]()
 
     def errors(self, forces: Sequence[float], points: int) -> tuple[float, float, bool]:
-        """Relative errors of the slopes: by noise, the larger of those of the mean and the largest slope; and by the
-        fit.
+        """Relative errors of the mean and the largest slope of the readings, due to noise and due to the fitted curve.
 
         Parameters
         ----------
@@ -68,9 +67,10 @@ class CurvePilot:
         Returns
         -------
         noise, fit : float
-            Errors relative to the steepest taxel; ``fit`` is 0 with fewer loads than a fit needs.
+            Larger error of the two slopes, relative to the slope of the steepest taxel: due to noise, and due to the
+            fit. ``fit`` is 0 with fewer loads than a fit needs.
         is_bent : bool
-            Whether the loads, rather than the points, are too few for the curve.
+            Whether more loads, rather than more points, are needed for the curve.
         """
         self.points = points
         for force in forces:
@@ -102,7 +102,7 @@ class CurvePilot:
         return quieter(paired_with(base, self._base, self._at(force)))
 
     def points_for(self, forces: Sequence[float], target: float, least: int = FIRST_PILOT) -> int:
-        """Points with which the light takes at most its part of a target error of the slopes.
+        """Number of points with which the noise of the light stays within its share of a target error of the slopes.
 
         Parameters
         ----------

@@ -30,7 +30,7 @@ def deform(
     vtu: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
-    """Write the deformed pads of a scene, one mesh per pad and load step; no light is traced.
+    """Write the surfaces of the deformed pads of a scene as files, one per pad and load step; no light is traced.
 
     Parameters
     ----------

@@ -25,10 +25,11 @@ MOST_PILOT_CURVES = 8
 
 @in_turn
 def piloted_settings(batch: Batch, machines: int) -> Settings:
-    """Points and mesh size with which the first, middle and last scene of some of the curves reach the target.
+    """Choose the number of points and the mesh size of a batch by pilot runs of some of its scenes.
 
-    Without a target error, the target is 0.005 for the light alone, on the scene's own mesh. The number of points is 0
-    if none of the scenes needs random paths; a map, and a time budget without a target, need them. A time budget
+    The first, middle and last scene of some curves must reach the target error. Without a target error, the relative
+    error of the light alone must be 0.005 or less, on the mesh that the scene sets. The number of points is 0 if no
+    pilot scene needs random paths; irradiance maps, and a time budget without a target, always need them. A time budget
     limits the points to those that can be traced in the remaining time.
 
     Parameters
@@ -36,7 +37,7 @@ def piloted_settings(batch: Batch, machines: int) -> Settings:
     batch : Batch
         Study whose settings are determined.
     machines : int
-        Speed of the pool that computes it, relative to this machine.
+        Speed of the processes that compute the study, relative to this machine.
 
     Returns
     -------

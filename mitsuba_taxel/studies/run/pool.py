@@ -51,7 +51,7 @@ class Pool(Protocol):
 
 @contextmanager
 def open_pool(workers: int | None = None, scheduler: str | None = None) -> Iterator[Pool]:
-    """The pool that executes jobs: local processes, a Dask cluster, or else this process.
+    """Open a pool that executes jobs: local processes, a Dask cluster or, by default, this process.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from mitsuba_taxel.studies.store.folder import SCENE, Store
 
 @contextmanager
 def file_of(source: Scene, folder: Path | None) -> Iterator[tuple[Path, dict[str, str]]]:
-    """The file of a scene, and the values of its parameters that differ from the defaults in the file.
+    """Provide a `Scene` as a file: its own file, or a new file for a scene made in Python.
 
     A scene made in Python is written to the folder of results, where it stays, or else to a temporary folder.
 
@@ -33,7 +33,7 @@ def file_of(source: Scene, folder: Path | None) -> Iterator[tuple[Path, dict[str
     file : Path
         Scene file (XML).
     values : dict[str, str]
-        Values by parameter; empty for a scene made in Python.
+        Values by parameter that differ from the defaults in the file; empty for a scene made in Python.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Mesh size and points with which the slopes of a batch's curves reach their target error."""
+"""Choice of the mesh size and of the number of points with which slopes reach their target error."""
 
 from __future__ import annotations
 
@@ -38,22 +38,23 @@ SHAPE_PART = math.sqrt(1 - LIGHT_PART**2)
 
 @in_turn
 def settings_for_slopes(batch: Batch, settings: Settings) -> Settings:
-    """Settings with which the slopes by force reach the batch's target on some curves.
+    """Choose the mesh size and the number of points with which slopes of readings reach the batch's ``target_slope``.
 
-    The mesh follows from the derivatives at both ends of a curve, or, where light is by random paths, from the effect
-    of the finite elements on the change of the readings along it. The points of random paths follow from pilot runs.
+    Slopes are with respect to the varied forces. They are examined on some curves of the batch. The mesh size follows
+    from the derivatives at both ends of a curve or, with random paths, from the effect of the finite elements on the
+    change of the readings along the curve. The number of points of random paths follows from pilot runs.
 
     Parameters
     ----------
     batch : Batch
         Study with a ``target_slope``.
     settings : Settings
-        Least number of points, and largest mesh size in mm; None for that of the scene.
+        Lower bound of the number of points, and upper bound of the mesh size in mm; None for the scene's mesh size.
 
     Returns
     -------
     Settings
-        The same, or more points and a smaller size.
+        The given settings, or more points and a smaller mesh size.
 
     Raises
     ------

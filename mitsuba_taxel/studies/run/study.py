@@ -1,4 +1,4 @@
-"""Studies: scenes read at all combinations of their varied parameters."""
+"""Studies: readings of scenes at all combinations of their varied parameters."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Progress(NamedTuple):
     Attributes
     ----------
     done, failed, total : int
-        Finished jobs, failed ones among them, and all jobs.
+        Number of finished jobs, of failed jobs among these, and of all jobs.
     error : float
         Largest relative total error of a reading so far.
     """
@@ -78,12 +78,12 @@ def sweep(
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
-    """Read a scene at all combinations of the varied parameters.
+    """Compute the readings of a scene at all combinations of the values of its varied parameters.
 
-    Readings need no random numbers if all scenes of the pilot runs have diffuse walls (see ``measure``). Otherwise all
-    readings have the same seed and number of points: they share their random numbers, so that most of the noise cancels
-    in differences of neighbouring readings. With ``output``, each reading is stored as soon as it is computed, and the
-    same call resumes an interrupted one.
+    Readings are computed without random numbers if all scenes of the pilot runs have diffuse walls (see ``measure``).
+    Otherwise all readings have the same seed and number of points: they share their random numbers, so that most of the
+    noise cancels in differences of neighbouring readings. With ``output``, each reading is stored as soon as it is
+    computed; after an interruption, the same call resumes the study.
 
     Parameters
     ----------
@@ -91,28 +91,29 @@ def sweep(
         Path of a scene, or the name of a shipped one. A scene made in Python is written to ``output``, or else to the
         temporary folder of this machine, with the parameters that ``write_xml`` gives it.
     vary : Mapping[str, str or Iterable[object]]
-        By parameter, ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or the
-        values themselves; each makes a dimension. One of fx, fy and fz may be ``"start:stop"``: its steps are then
-        chosen as the curves need, and derivatives with respect to it are computed.
+        Values by parameter: ``"start:stop:step"`` (stop included), ``"a,b,c"``, ``"@FILE"`` with one value per line, or
+        a list of values. Each parameter is one dimension of the result. One of fx, fy and fz may be ``"start:stop"``:
+        its steps are then chosen so that they resolve the curve, and derivatives with respect to it are computed.
     defines : Mapping[str, object], optional
         Values for other parameters of the scene.
     together : Mapping[str, str or Iterable[object]], optional
         Values by parameter, of equal lengths, taken row by row along a dimension ``step``.
     target_error : float, optional
-        Target for the relative total error, of mechanics and light, of the worst taxel of the first, middle and last
-        scene of each curve; without target and points, 0.005 for the light alone.
+        Target for the relative total error (mechanics and light) of the worst taxel. The first, middle and last scene
+        of each curve are made to reach it. Without ``target_error`` and ``points``, the error of the light alone is at
+        most 0.005.
     points : int, optional
-        Light paths for each taxel and randomisation, instead of a target.
+        Number of light paths for each taxel and randomisation, instead of a target error.
     time_budget : float, optional
-        Time that the study should take, in s; it limits the points and the refinement of meshes. Scenes that would not
-        end in time are not started, except for the first; a note states their number, and the same call continues.
+        Largest duration of the study in s; it limits the points and the refinement of meshes. Scenes that would not
+        finish in time are not started, except for the first; a note states their number, and the same call continues.
     mesh_size : float, optional
         Size of the finite elements in mm, for pads whose scene does not set it; a target error may reduce it.
     seed : int
         Whole number from 0 to 2**32 - 1.
     output : str or Path, optional
-        Folder for the results; new, empty, or that of the same study, to which further values or varied parameters or a
-        stricter target may be added: existing results are kept.
+        Folder for the results: a new or empty folder, or the folder of the same study. A call with further values,
+        further varied parameters or a stricter target extends the study there; existing results are kept.
     workers : int, optional
         Number of processes to use, in place of this one.
     scheduler : str, optional
@@ -122,14 +123,15 @@ def sweep(
     maps : bool
         Whether to write irradiance maps to ``output`` as well, as OpenEXR.
     derivatives : Sequence[str]
-        Parameters with respect to which to differentiate the readings, as for :func:`measure`; by default the varied
-        forces, where readings need no random numbers. Slopes by force are then taken from the derivatives. Where light
-        is by random paths, those by a force that is varied alone, over four values or more, are the slopes of a smooth
-        curve through the readings; others are differences of random paths. ``derivative_method`` names the method.
+        Parameters with respect to which readings are differentiated, as for :func:`measure`; by default the varied
+        forces, if readings need no random numbers. Slopes against a force then follow from its derivatives. With random
+        paths, the derivative with respect to a force that is varied alone, over four values or more, is the slope of a
+        smooth curve through the readings; other derivatives are differences of random paths. ``derivative_method`` in
+        the result names the method.
     target_slope : float, optional
-        Target error of the slopes by the varied forces, relative to the slope of the steepest taxel. Pads whose scene
-        does not set a mesh size get a mesh that meets the target at the ends of some curves. Where light is by random
-        paths, it applies to the mean and the largest slope, and pilot runs choose the points unless these are given.
+        Target error of the slopes against the varied forces, relative to the slope of the steepest taxel. Pads whose
+        scene does not set a mesh size get a mesh that meets the target at the ends of some curves. With random paths,
+        the target applies to the mean and the largest slope, and pilot runs choose the points unless these are given.
     circuit : Circuit, optional
         Read-out circuit, whose voltages and counts are returned with the powers.
     meshes : str
@@ -210,7 +212,7 @@ def run_batch(
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset:
-    """Read the scenes of a batch, and store their results.
+    """Compute the readings of all scenes of a batch, and store the results.
 
     Parameters
     ----------
@@ -393,7 +395,9 @@ def run_study(
     parquet: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> xr.Dataset | xr.DataTree:
-    """Run a study file of one scene, or of several, whose results go to subfolders.
+    """Compute the readings of all scenes that a study file (TOML) defines, as :func:`sweep` does for one scene.
+
+    The results of a study of several scenes are stored in subfolders with the names of the scenes.
 
     Parameters
     ----------

@@ -67,11 +67,12 @@ def training_set(
     hdf5: bool = False,
     lerobot: bool = False,
 ) -> dict[str, pd.DataFrame]:
-    """Tables of force and readings to train a calibration model on.
+    """Create tables of forces and readings for training a calibration model: a training, validation and test set.
 
-    Each force, with all noisy copies and all values of other parameters, belongs to one part. Forces are ranked by a
-    hash of seed and force, and the ranking is cut at the shares. The part of a force thus depends neither on noise,
-    copies and other parameters nor on failed jobs; when forces are added, only those next to a cut can change part.
+    All rows of one force, for any noisy copy and any value of the other parameters, belong to the same set. Forces are
+    sorted by a hash of seed and force, and this order is cut at the given fractions. The set of a force thus depends
+    neither on noise, copies and other parameters nor on failed jobs. If forces are added later, only forces next to a
+    cut can change their set.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def training_set(
     copies : int
         Number of noisy copies of each job.
     split : sequence of float
-        Shares of train, validation and test, above 0, of sum 1.
+        Fractions of the training, validation and test set, each above 0; their sum is 1.
     seed : int
         Seed of split and noise, from 0 to 2**32 - 1.
     parquet : bool
@@ -93,17 +94,17 @@ def training_set(
     hdf5 : bool
         Whether to write all tables as ``dataset.h5`` too: a group for each part, with units.
     lerobot : bool
-        Whether to write the folder ``lerobot`` too, in the layout of LeRobot 3.0: the forces of a curve that are in the
-        same part are an episode.
+        Whether to write the folder ``lerobot`` too, in the layout of LeRobot 3.0. An episode has the forces of one
+        curve that belong to the same set.
 
     Returns
     -------
     dict[str, pd.DataFrame]
-        By part, one row for each job and copy: force in N (``fx_N``, ...; fixed components too), the scene's name if
-        there are several, other parameters that differ between jobs, noisy ``power_1_W``, ..., and
-        ``standard_error_1_W``, ..., of the light without the noise; of a study with a circuit also ``voltage_1_V``,
-        ..., of the noisy light with the noise of the circuit, and ``counts_1``, .... Jobs without a reading are
-        omitted.
+        Tables ``train``, ``validation`` and ``test`` with a row for each job and copy. Columns: force in N (``fx_N``,
+        ...; fixed components too); the scene's name, if there are several scenes; other parameters that differ between
+        jobs; for each taxel the noisy power ``power_1_W``, ..., and ``standard_error_1_W``, ..., the standard error of
+        the light without the noise. With a circuit also ``voltage_1_V``, ..., with the noise of light and circuit, and
+        ``counts_1``, .... Jobs without a reading are omitted.
 
     Raises
     ------

@@ -16,7 +16,7 @@ _LIST = re.compile(r"\[\n(.*?)\n\]", re.DOTALL)
 
 
 def changed_study(now: str, before: str, scene_now: str, scene_before: str) -> str:
-    """The first difference of two study files, or an empty text.
+    """Describe the first difference between two study files; empty if there is none.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ FILLED = ("smooth_power", "smooth_power_error", "derivative", "derivative_error"
 
 
 def fitted_forces(axes: Sequence[Axis], derivatives: Collection[str], forces: Collection[str]) -> tuple[str, ...]:
-    """The forces whose derivatives follow from curves through readings with random paths.
+    """Forces for which derivatives of readings with random paths are the slopes of a smooth curve through the readings.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def fitted_forces(axes: Sequence[Axis], derivatives: Collection[str], forces: Co
 
 
 def with_curve_slopes(study: xr.Dataset, forces: Sequence[str]) -> xr.Dataset:
-    """A study with derivatives by forces from curves through its readings, where jobs left them open.
+    """Add the derivatives that jobs left NaN: slopes of smooth curves through the readings of a study.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def with_curve_slopes(study: xr.Dataset, forces: Sequence[str]) -> xr.Dataset:
     Returns
     -------
     xr.Dataset
-        Study with values of these derivatives, their errors and methods, and of ``smooth_power``.
+        The study with these derivatives, their errors and methods, and with the values of the curves, ``smooth_power``.
     """
     if "derivative" not in study or not forces:
         return study

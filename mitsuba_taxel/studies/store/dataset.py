@@ -47,7 +47,9 @@ def assemble(
     failures: Mapping[Index, Failure],
     about: Mapping[str, Any],
 ) -> xr.Dataset:
-    """The labelled array of a study, over the axes' dimensions, ``taxel``, ``replicate`` and ``stage``.
+    """Assemble the outcomes of all jobs into one dataset.
+
+    Its dimensions are those of the study, ``taxel``, ``replicate`` and ``stage``.
 
     Parameters
     ----------
@@ -372,7 +374,7 @@ def _derivatives(results: Mapping[Index, StoredResult]) -> dict[Index, Derivativ
 
 
 def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> str:
-    """Note on readings whose total error exceeds the target or is unknown; empty if there are none.
+    """A note on readings whose total error exceeds the target or is unknown; empty text if there are none.
 
     Parameters
     ----------
@@ -391,7 +393,9 @@ def missed_target(target_error: float, power: np.ndarray, total: np.ndarray) -> 
 
 
 def study_error_budget(study: xr.Dataset) -> dict[str, float]:
-    """The error budget (see `Readings`) of the worst reading of a study; failed readings are left out.
+    """Error budget of the reading with the largest relative error in a study: relative errors by source.
+
+    See `Readings` for the sources. Failed readings are left out.
 
     Parameters
     ----------
@@ -413,7 +417,7 @@ def study_error_budget(study: xr.Dataset) -> dict[str, float]:
 
 
 def stage_totals(study: xr.Dataset) -> dict[str, float]:
-    """Seconds of a study by stage, pilot runs included.
+    """Computing time of a study in s by stage, such as mechanics and light, pilot runs included.
 
     Parameters
     ----------

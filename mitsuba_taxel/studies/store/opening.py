@@ -25,17 +25,17 @@ OF_OTHER_CODE = "computed by another version of the program, which may have esti
 
 
 def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
-    """The results in a folder, also of a study that is incomplete.
+    """Open the results of a study, complete or not, as a dataset.
 
     Parameters
     ----------
     folder : str or Path
-        The ``output`` of a study.
+        Folder of results: the ``output`` of a study.
 
     Returns
     -------
     xr.Dataset or xr.DataTree
-        Result of ``sweep`` or ``run_study``; missing readings are NaN.
+        Dataset as ``sweep`` returns it, or tree as ``run_study`` returns it; missing readings are NaN.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
 
 
 def stored_study(folder: Path) -> dict[str, Any]:
-    """Content of the study file of a folder of one scene's results; empty for any other folder.
+    """Read the study file in a folder of results of one scene; empty for any other folder.
 
     Parameters
     ----------

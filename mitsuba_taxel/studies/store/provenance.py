@@ -29,7 +29,7 @@ PLUGIN = "plugin"
 
 
 def provenance(batch: Batch) -> dict[str, Any]:
-    """Everything that results of a batch depend on in addition to its values.
+    """Collect everything, other than the varied values, on which the results of a batch depend.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ SOURCES = ("light", "curve between the loads", "finite elements and facets")
 
 
 class CurveErrors(NamedTuple):
-    """A slope of each taxel along a fitted curve, and its errors by source.
+    """Mean or largest slope of each of T taxels along a fitted curve, and its errors by source.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class CurveErrors(NamedTuple):
     errors : (3, T) ndarray
         Errors by source, in the order of `SOURCES`.
     is_bent : (T,) ndarray of bool
-        Whether the curve bends more between its loads than noise explains.
+        Whether the fitted curve is uncertain because its loads are too few, not because of noise.
     """
 
     force: str
@@ -50,15 +50,15 @@ class CurveErrors(NamedTuple):
 
 
 def missed_slopes(study: xr.Dataset, target: float, forces: Collection[str] = FORCES) -> list[str]:
-    """Notes on slopes whose relative error exceeds the target or is unknown.
+    """Notes on slopes of readings whose relative error exceeds the target or is unknown.
 
     Parameters
     ----------
     study : xr.Dataset
         Results of one scene, in W.
     target : float
-        Largest error of a slope by a force, relative to the steepest taxel. Of curves through readings, it applies to
-        the mean and the largest slope, otherwise to the derivative at each load.
+        Largest allowed error of a slope, relative to the slope of the steepest taxel. For smooth curves through
+        readings it applies to the mean and the largest slope, otherwise to the derivative at each load.
     forces : Collection[str]
         Names of the parameters that are forces.
 

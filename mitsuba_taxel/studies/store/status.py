@@ -1,4 +1,4 @@
-"""Progress of a study on disk, seen from another process."""
+"""Progress of a study, read from its folder, also while another process computes it."""
 
 from __future__ import annotations
 
@@ -29,8 +29,9 @@ class Status(NamedTuple):
     running : bool
         Whether a run is in progress.
     seconds_left : tuple[float, float] or None
-        Remaining time, if each remaining scene takes as long as the fastest, and as the slowest, finished scene. Scenes
-        with an error of mechanics are compared with such scenes only. None if there is no run or no result.
+        Least and largest remaining time in s: each remaining scene takes as long as the fastest, or as the slowest,
+        finished scene. Scenes whose mechanics error is computed are compared with such scenes only. None if no run is
+        in progress or no scene is finished.
     """
 
     name: str

@@ -50,7 +50,8 @@ class TrainingPart(NamedTuple):
 
 
 class Column(NamedTuple):
-    """A column of a table: name without unit, unit, and its component of the force or of the place, else blank."""
+    """A column of a table: name without unit; unit; and the component of the force or of the contact position that the
+    column contains, blank for other columns."""
 
     name: str
     unit: str
@@ -128,9 +129,10 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
 
     An episode is the part of a curve of the study that belongs to one part of the set, for one noisy copy; its frames
     are in the order of the curve. Features are ``observation.power``, ``observation.voltage``, ``observation.wrench``
-    (components of the force in N), ``observation.contact_place`` in mm, and ``observation.parameters``, the other
-    varied numbers; names of their elements end with the unit. Words, such as the kind of cell, are in the task. Parts
-    are ``splits`` of the episodes. Times are nominal.
+    (components of the force in N), ``observation.contact_place`` (contact position in mm), and
+    ``observation.parameters``, the other varied numbers; names of their elements end with the unit. Varied words, such
+    as the kind of cell, are part of the task's text. Parts of the set are ``splits`` of the episodes. Times of frames
+    are nominal, with `FRAMES_PER_SECOND`.
 
     Parameters
     ----------
