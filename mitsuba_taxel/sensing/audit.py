@@ -47,14 +47,15 @@ class EnergyAudit:
     Attributes
     ----------
     places : tuple[str, ...]
-        (P,) names of the surfaces and of the other ends of light. A surface has the id of its shape, or else its kind,
-        and the region if there are several (``deformable_pad roof``). Its fraction is the light that it absorbed; that
-        of a window includes the light that passed beside the die. Light of dies below windows that does not leave them
-        is ``inside packages``. Then follow the :data:`ENDS`: ``detected`` is the light that phototransistors absorbed,
-        not weighted by their response; ``lost by single scattering`` is the light that would meet a second facet of a
-        rough mirror; ``unfinished`` is the power that remains after the largest number of reflections.
+        Names of the P places where light ends. The surfaces come first. A surface is named by the id of its shape or
+        else by its kind, followed by the region if the shape has several (``deformable_pad roof``). Its fraction is the
+        light that it absorbed; for a window, this includes the light that passed beside the die. ``inside packages`` is
+        the light of LED dies that does not leave their windows. The :data:`ENDS` come last: ``detected`` is the light
+        that phototransistors absorbed, not weighted by their response; ``escaped`` is the light that left the scene;
+        ``lost by single scattering`` is the light that a real rough mirror would reflect by a second facet;
+        ``unfinished`` is the power that remains after the largest number of reflections.
     replicates : (R, P) ndarray
-        Fractions for each independent randomisation.
+        Fractions of the emitted power, for each of R independent randomisations and each of the P places.
     points : int
         Light paths for each LED and replicate.
     seed : int
@@ -71,12 +72,12 @@ class EnergyAudit:
 
     @property
     def share(self) -> np.ndarray:
-        """Fractions (P,) of the emitted power."""
+        """Fraction (P,) of the emitted power that ends at each of the P places."""
         return self.replicates.mean(axis=0)
 
     @property
     def standard_error(self) -> np.ndarray:
-        """One standard deviation (P,) of :attr:`share`, from the scatter of the replicates."""
+        """Standard error (P,) of :attr:`share`, from the scatter of the replicates."""
         return standard_error(self.replicates)
 
     @property
@@ -86,7 +87,7 @@ class EnergyAudit:
 
     @property
     def total_error(self) -> float:
-        """One standard deviation of :attr:`total`."""
+        """Standard error of :attr:`total`."""
         return float(standard_error(self.replicates.sum(axis=1)))
 
 
@@ -98,11 +99,12 @@ def energy_audit(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> EnergyAudit:
-    """Trace the light of all LEDs until it is absorbed, detected or lost, and add up the power at each place.
+    """Energy balance of a scene: the fraction of the LEDs' power that each surface absorbs, that is detected, and that
+    escapes.
 
-    Paths are sampled from the scene's BSDFs, starting at the light: weights never grow, and absorbed power is summed at
-    each wall in double precision. Runs of the same seed agree to some 1e-12, as the order of summation varies. If the
-    integrator has a ``max_depth``, paths end there too.
+    Light paths start at the LEDs, and the scene's BSDFs are sampled at each reflection, so that the power of a path
+    never grows. Absorbed power is summed at each wall in double precision. Two runs with the same seed agree to about
+    1e-12, because the order of summation varies. If the integrator has a ``max_depth``, paths end there too.
 
     Parameters
     ----------
@@ -114,12 +116,13 @@ def energy_audit(
     seed : int
         Whole number from 0 to 2**32 - 1.
     progress : Callable[[int, int], None], optional
-        Called with the numbers of finished and of all sequences of points.
+        Called with the number of finished sequences of points and the number of all sequences: one for each LED and
+        replicate.
 
     Returns
     -------
     EnergyAudit
-        Fractions of the emitted power by the place where it ends, with their standard errors.
+        Fraction of the emitted power that ends at each place, with its standard error.
 
     Raises
     ------
@@ -151,7 +154,8 @@ def _silent(done: int, total: int) -> None:
 def _trace_all(
     scene, pairs: list[TaxelPair], surfaces: _Surfaces, points: int, seed: int, limit: int, progress
 ) -> tuple[np.ndarray, int]:
-    """Power (R, P) in W that ends at each place after at most ``limit`` reflections, and the points of each LED."""
+    """Power (R, P) in W that ends at each of P places after at most ``limit`` reflections, for each of R replicates;
+    and the number of points of each LED and replicate."""
     sampler = make_plugin("owen_sobol", sample_count=points)
     points = sampler.sample_count()
     sums = dr.zeros(mi.Float64, REPLICATES * (len(surfaces.places) + len(ENDS)))
@@ -270,7 +274,8 @@ class _Surfaces:
         return first + inverse
 
     def read_reflectances(self) -> None:
-        """Read the present reflectance of rough mirrors, of which they lose a part; 0 for all other surfaces."""
+        """Store the reflectance of each rough mirror at the present wavelength, for :meth:`unseen_fraction`; 0 for all
+        other surfaces."""
         values = [reflectance_of(bsdf) if scatters(bsdf, "rough_mirror") else 0.0 for bsdf in self.bsdfs]
         self.reflectance = mi.Float(in_packets(np.array(values)))
 
@@ -310,7 +315,7 @@ def _names(shapes: list[mi.Shape]) -> list[str]:
 
 
 def audit_text(audit: EnergyAudit, width: int | None = None) -> str:
-    """Fractions of the emitted light by the place where it ends, with their standard errors.
+    """An energy audit as text: a table of places, fractions of the emitted power and standard errors.
 
     Parameters
     ----------

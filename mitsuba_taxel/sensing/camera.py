@@ -1,4 +1,4 @@
-"""The image of a camera behind a pad without cells, with its standard error and its depth at each pixel.
+"""The image of a camera below a pad without cells, with its standard error and the depth at each pixel.
 
 Light is traced by Mitsuba's integrators. Independent replicates give the standard error.
 """
@@ -46,21 +46,22 @@ BRIGHTEST = 99.5
 
 @dataclass(frozen=True, eq=False)
 class CameraImage:
-    """An image of a camera.
+    """An image of a camera, H pixels high and W wide, with C colour channels.
 
     Attributes
     ----------
     radiance : (H, W, C) ndarray
-        Mean of the replicates, in the units of the scene's lights: red, green and blue, or one channel.
+        Mean radiance of the replicates, in the units of the scene's lights. The channels are red, green and blue, or a
+        single one.
     standard_error : (H, W, C) ndarray
         Standard error of the radiance, 1 sigma.
     depth : (H, W) ndarray
         Distance in mm, along the axis of the camera, from its plane to the first surface that is not clear, at the
         centre of each pixel; NaN without such a surface.
     coat : (H, W) ndarray of bool
-        Whether that surface is the top of a pad without cells.
+        Whether that surface is the coat: the top of a pad without cells, seen from inside.
     samples : int
-        Number of samples per pixel and replicate.
+        Number of samples (light paths) per pixel and replicate.
     replicates : int
         Number of independent replicates.
     seed : int
@@ -80,7 +81,8 @@ class CameraImage:
 
     @property
     def relative_error(self) -> float:
-        """Root mean square of the relative standard errors of all pixels on the coat, without black pixels."""
+        """Root mean square, over all pixels that show the coat and are not black, of the standard error relative to the
+        radiance."""
         mean, error = self.radiance[self.coat], self.standard_error[self.coat]
         bright = mean > 0
         return float(np.sqrt(np.square(error[bright] / mean[bright]).mean())) if bright.any() else math.nan
@@ -95,7 +97,7 @@ def camera_image(
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> CameraImage:
-    """The image of the camera of a scene.
+    """Render the image of a scene's camera with Mitsuba's integrator, and estimate its standard error.
 
     Parameters
     ----------
@@ -114,7 +116,7 @@ def camera_image(
     Returns
     -------
     CameraImage
-        Mean of `REPLICATES` replicates, with its error.
+        Mean of `REPLICATES` independent replicates, with its standard error.
 
     Raises
     ------
@@ -144,7 +146,8 @@ def camera_image(
 
 
 def view_of(scene: mi.Scene) -> tuple[mi.Sensor, np.ndarray, np.ndarray]:
-    """The camera of a scene, and what it sees at the centres of its pixels; nothing is rendered.
+    """The camera of a scene, the depth at the centre of each pixel, and which pixels show the coat; nothing is
+    rendered.
 
     Parameters
     ----------
@@ -154,7 +157,7 @@ def view_of(scene: mi.Scene) -> tuple[mi.Sensor, np.ndarray, np.ndarray]:
     Returns
     -------
     camera : mi.Sensor
-        The only sensor.
+        The scene's only sensor.
     depth : (H, W) ndarray
         See `CameraImage`.
     coat : (H, W) ndarray of bool
@@ -163,7 +166,7 @@ def view_of(scene: mi.Scene) -> tuple[mi.Sensor, np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        if the scene has no image; see :func:`camera_image`.
+        if the scene's image cannot be computed; see :func:`camera_image`.
     """
     camera = _camera_of(scene)
     _refuse_large(camera)
@@ -215,7 +218,7 @@ def _replicates(
     run: int,
     progress: Callable[[int, int], None] | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard error (H, W, C) of independent images, with seeds derived from ``run``."""
+    """Mean and standard error (H, W, C) of independent images; their seeds are derived from ``seed`` and ``run``."""
     import mitsuba as mi
 
     width, height = map(int, camera.film().crop_size())
@@ -238,15 +241,15 @@ def _replicates(
 
 
 def _power_of_four(count: int) -> int:
-    """The least power of four that is not less."""
+    """The least power of four that is at least ``count``."""
     return 4 ** (((count - 1).bit_length() + 1) // 2)
 
 
 def _depth(scene: mi.Scene, camera: mi.Sensor) -> tuple[np.ndarray, np.ndarray]:
-    """Depth (H, W) in mm at the centres of pixels, and mask of pixels that show the coat; raises `InputError` if none
-    does.
+    """Depth (H, W) in mm at the centre of each pixel, and mask (H, W) of the pixels that show the coat.
 
-    Rays pass through clear surfaces, which only transmit, with refraction."""
+    Rays pass through surfaces that only transmit light, and are refracted there. `InputError` is raised if no pixel
+    shows the coat."""
     import drjit as dr
     import mitsuba as mi
 
@@ -311,7 +314,7 @@ def write_image(image: CameraImage, file: Path) -> Path:
     Returns
     -------
     Path
-        The PNG.
+        Path of the PNG.
 
     Raises
     ------

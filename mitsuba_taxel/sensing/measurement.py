@@ -87,10 +87,11 @@ def measure(
     continued: Readings | None = None,
     derivatives: Sequence[str] = (),
 ) -> Readings:
-    """Readings of all taxels of a scene; calls from several threads run one after the other.
+    """Compute the optical power on each phototransistor of a scene, with its errors.
 
-    Where all walls of the cells are diffuse, light is computed without random numbers, unless ``points``, an irradiance
-    map or a time budget without a target require paths, or the scene's integrator is not a `taxel_tracer` of all paths.
+    If all walls of the cells are diffuse, light is computed without random numbers. Random paths are used instead if
+    the walls are not diffuse, if ``points``, ``irradiance`` or a time budget without a target is given, or if the
+    scene's integrator is not a `taxel_tracer` of all paths. Calls from several threads run one after the other.
 
     Parameters
     ----------
@@ -98,33 +99,37 @@ def measure(
         A :class:`Scene`, a path or name of an XML scene, a dictionary, a loaded ``mi.Scene``, or the result of
         :func:`prepare`.
     target_error : float, optional
-        Relative total error, of mechanics and light, that the worst taxel should reach. Pads whose mesh a `Scene` does
-        not fix get a mesh that is fine enough. A pilot run chooses the number of points; its random numbers do not
-        enter the result. Without target, points and budget, the error of the light alone is at most 0.005.
+        Relative total error, of mechanics and light, that every taxel should reach. Pads whose mesh the `Scene` does
+        not fix are meshed finely enough. A pilot run chooses the number of points; its random numbers do not enter the
+        result. If target, points and budget are all omitted, the relative error of the light alone is at most 0.005.
     points : int, optional
-        Light paths for each taxel and replicate, instead of a target; rounded up to a power of two.
+        Number of light paths for each taxel and replicate, instead of a target; rounded up to a power of two.
     time_budget : float, optional
-        Seconds after which no finer mesh and no more points are started. Alone, it is used up; with a target or a
-        number of points the run ends at whichever comes first. At least 256 points are traced in any case.
+        Seconds after which no finer mesh is solved and no further points are traced. Without a target or a number of
+        points, the whole time is used; with one of them, the run ends at whichever limit is reached first. At least
+        256 points are traced in any case.
     seed : int
         Whole number from 0 to 2**32 - 1.
     irradiance : bool
-        Whether to return the irradiance map.
+        Whether to return the map of irradiance over the phototransistors.
     mechanics_error : bool
-        Whether to estimate the errors of readings due to the errors of the pads' shape, by short traces.
+        Whether to estimate the errors of readings due to finite elements and flat triangles; this takes further short
+        traces.
     continued : Readings, optional
-        Readings of the same scene and seed, of 256 points or more, that this run extends: with ``points`` the result
-        equals that of a single run of as many points (under Mitsuba's own integrators it is an equally good estimate).
+        Earlier readings of the same scene with the same seed and at least 256 points, which this run extends. With
+        ``points``, the result equals that of a single run with this number of points (under Mitsuba's own integrators
+        it is an equally good estimate).
     derivatives : Sequence[str]
-        Parameters with respect to which the readings are differentiated: those of the scene, components of the load
-        (fx, fy, fz, ux, uy, uz), or parameters of its plugins, such as ``youngs_modulus`` or ``annular_led.power``.
-        They are without noise where all walls of the cells are diffuse, else differences of random paths; see their
-        ``method``. The scene must be a `Scene`, a path or a name.
+        Names of the parameters with respect to which the readings are differentiated: parameters of the scene,
+        components of the load (fx, fy, fz, ux, uy, uz), or parameters of its plugins, such as ``youngs_modulus`` or
+        ``annular_led.power``. If all walls of the cells are diffuse, the derivatives have no noise; else they are
+        differences of readings by random paths (see ``Derivatives.method``). The scene must be a `Scene`, a path or a
+        name.
 
     Returns
     -------
     Readings
-        Power of each taxel in W, with its errors, and the map and derivatives if requested.
+        Power on each phototransistor in W, with its errors; the irradiance map and derivatives if requested.
 
     Raises
     ------
@@ -150,7 +155,8 @@ def measured(
     continued: Readings | None = None,
     derivatives: Sequence[str] = (),
 ) -> tuple[Readings, Prepared]:
-    """The result of :func:`measure`, and the scene that was read, for further use without reloading.
+    """Compute the readings of a scene as :func:`measure` does, and return the prepared scene as well, for use without
+    reloading.
 
     Parameters
     ----------
@@ -232,7 +238,8 @@ def measured(
 
 
 def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanics_error: bool) -> Readings:
-    """Readings of a prepared scene, by the random paths of a run or without random numbers."""
+    """The readings of a prepared scene as an object: powers from the random paths of ``run``, or those already computed
+    without random numbers."""
     ready, errors = prepared.ready, prepared.errors
     powers = run.powers if errors.power is None else np.tile(errors.power, (REPLICATES, 1))
     if not np.all(np.isfinite(powers)):
@@ -269,14 +276,15 @@ def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanic
 
 
 def _rank(result: Readings) -> tuple[bool, float]:
-    """Rank of readings, smaller is better: the largest relative error, without the mechanics if that is unknown."""
+    """Sort key of readings, smaller is better: whether the total error is unknown, then the largest relative error (of
+    the light alone if the error of the mechanics is unknown)."""
     budget = result.error_budget
     unknown = math.isnan(budget["total"])
     return unknown, math.hypot(budget["light"], budget["geometry"]) if unknown else budget["total"]
 
 
 def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
-    """Rates of change of the scene with some of its parameters."""
+    """Rates of change of the scene's parts with respect to each of the named parameters."""
     parameters = names_of("derivatives", names)
     if not parameters:
         return []
@@ -291,8 +299,8 @@ def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
 def _derivatives(
     scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
 ) -> Derivatives:
-    """Derivatives without random numbers if possible, else by random paths; if ``fixed``, with as many points as the
-    readings."""
+    """Derivatives of the readings, without random numbers if possible, else by random paths. With ``fixed``, the paths
+    of derivatives are as many as those of the readings."""
     from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
     from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
     from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse
@@ -328,9 +336,8 @@ def _prepared(
     continued: Readings | None,
     random: bool,
 ) -> PreparedFor:
-    """The scene with the mesh and the number of points that are needed, or with readings without random numbers.
-
-    ``random`` requires random paths.
+    """Prepare a scene: choose its mesh and number of points, or compute its readings without random numbers. With
+    ``random``, random paths are used in any case.
     """
     scene = described(scene)
     if continued is not None and isinstance(scene, Scene):
@@ -365,14 +372,15 @@ def _prepared(
 def crosstalk(
     scene: AnyScene, *, target_error: float | None = None, points: int | None = None, seed: int = 0
 ) -> Crosstalk:
-    """Power from each LED on each phototransistor.
+    """Compute the power that each LED alone brings to each phototransistor.
 
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
         See :func:`measure`.
     target_error : float, optional
-        Relative error that the taxels' own readings should reach.
+        Relative standard error of the light that each phototransistor's power from its own LED should reach; 0.005 by
+        default.
     points : int, optional
         Light paths for each LED and replicate, instead of a target; rounded up to a power of two.
     seed : int
@@ -381,7 +389,7 @@ def crosstalk(
     Returns
     -------
     Crosstalk
-        The matrix of powers in W, with errors.
+        Matrix of powers in W, a row for each LED and a column for each phototransistor, with errors.
 
     Raises
     ------
@@ -452,7 +460,7 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
 
 
 def _in_words(error: float) -> str:
-    """A relative error in words."""
+    """A relative error as text: two digits, or ``unknown``."""
     return f"{error:.2g}" if math.isfinite(error) else "unknown"
 
 
@@ -463,7 +471,7 @@ def check_request(
     time_budget: float | None = None,
     derivatives: Sequence[str] = (),
 ) -> None:
-    """Refuse invalid arguments of :func:`measure`; see there for the parameters.
+    """Check the arguments of :func:`measure`, and raise `InputError` if one is not allowed.
 
     Parameters
     ----------
@@ -481,7 +489,8 @@ def check_request(
     Raises
     ------
     InputError
-        if a value is not allowed, or for both a target and a number of points, or a time budget for derivatives.
+        if a value is not allowed, if both a target and a number of points are given, or if both a time budget and
+        derivatives are given.
     """
     if time_budget is not None and len(derivatives):
         raise InputError(

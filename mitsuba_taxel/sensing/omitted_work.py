@@ -1,6 +1,6 @@
-"""Work that a scene does not need, with reasons: what is not imported, meshed, solved or traced.
+"""Computations that are omitted because the readings of a scene do not need them, with the reasons.
 
-Every line is derived from the loaded scene, not from its file.
+The lines are derived from the loaded scene, not from its file.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ _FLAT = 4e-7
 def left_out(
     ready: Prepared, *, irradiance: bool = False, crosstalk: bool = False, began: float | None = None
 ) -> list[str]:
-    """Work omitted in the readings of a scene, one line each with the reason.
+    """List the computations that are omitted because the readings of a scene do not need them, with the reasons.
 
     Parameters
     ----------
     ready : Prepared
         The scene, from `prepare`.
     irradiance, crosstalk : bool
-        Whether the irradiance map, or each LED on each phototransistor, is requested.
+        Whether the irradiance map, or the power from each LED on each phototransistor, is requested.
     began : float, optional
         ``time.time()`` before the scene was first loaded; if given, the lines state whether all meshes and solutions
         came from the disk cache.
@@ -51,7 +51,7 @@ def left_out(
     Returns
     -------
     list[str]
-        Empty if nothing was omitted.
+        A line for each omission; empty if nothing is omitted.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def left_out(
 
 
 def _of_pad(pad: PadShape) -> Iterator[str]:
-    """Work omitted in the mechanics of one pad."""
+    """Lines on computations omitted in the mechanics of one pad."""
     if not pad.is_loaded:
         yield "pad without load: no error of the mechanics to estimate"
         if pad.mesh_tolerance is None:
@@ -95,7 +95,8 @@ def _of_pad(pad: PadShape) -> Iterator[str]:
 
 
 def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
-    """End (K,) of each segment of the path to a state, and the mirrors that leave pad and segment unchanged."""
+    """For each segment of the load path to a state: its end, the load as an array of K components, and the mirror
+    symmetries of pad and load on this segment."""
     from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 
     if not state.value.any():
@@ -112,7 +113,8 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
 
 
 def _all_kept_before(began: float) -> bool:
-    """Whether the cache of meshes and solutions is writable, and has no entries newer than ``began`` in s."""
+    """Whether all meshes and solutions came from the disk cache: it is writable and has no entries newer than the time
+    ``began``, in s."""
     from mitsuba_taxel.mechanics import cache
 
     folder = cache.folder()
@@ -121,7 +123,7 @@ def _all_kept_before(began: float) -> bool:
 
 
 def _of_cells(pads: Sequence[PadShape], pairs: list[TaxelPair]) -> Iterator[str]:
-    """Cells of pads that are coarsely triangulated, or not traced."""
+    """Lines on cells of pads that are coarsely triangulated, or not traced."""
     cells = [set(np.unique(pad.state.mesh.face_cell)) - {0} for pad in pads]
     total = sum(map(len, cells))
     coarse = sum(len(all_ - set(pad.read_cells or all_)) for pad, all_ in zip(pads, cells, strict=True))
@@ -161,7 +163,8 @@ def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
 
 
 def _surfaces(shape: mi.Shape) -> Iterator[tuple[str, mi.BSDF | None, np.ndarray | None]]:
-    """Name and wall of each region of a shape, and points (N, 3) whose hull contains it; None if unknown."""
+    """For each region of a shape: its name, its wall, and N points (N, 3) whose convex hull contains the region; None
+    if they are unknown."""
     bsdf, parameters = shape.bsdf(), mi.traverse(shape)
     kind = shape.class_name().lower()
     if not (shape.is_mesh() and shape.has_attribute("face_region")):
@@ -181,7 +184,8 @@ def _surfaces(shape: mi.Shape) -> Iterator[tuple[str, mi.BSDF | None, np.ndarray
 
 
 def _in_one_plane(reflecting: list[np.ndarray | None]) -> bool:
-    """Whether all reflecting surfaces, by their points (N, 3), lie in one plane, so that none sees another."""
+    """Whether all reflecting surfaces, each given by its points (N, 3), lie in one plane, so that no light goes from
+    one to another."""
     if not reflecting or any(points is None for points in reflecting):
         return False
     points = np.concatenate([points for points in reflecting if points is not None])

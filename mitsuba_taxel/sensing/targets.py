@@ -1,10 +1,10 @@
-"""Mesh size and number of points for a target error.
+"""Choice of mesh size and number of light paths for a target error.
 
-The target is a bound of the total error, the root of the sum of squares of the errors of shape and light. Elements, and
-with them the triangles of curved walls, are refined until the error of the shape is within its fraction of the target;
-the light gets the rest. Light without random numbers has no noise, and a pad without a load has no error of mechanics:
-the target is divided among the errors that exist. Mesh size and number of points follow from pilot runs, whose random
-numbers do not enter the result.
+The target is a bound on the total error: the root of the sum of squares of the errors due to the pad's shape (finite
+elements and flat triangles) and the light. Elements, and with them the triangles of curved walls, are refined until the
+error of the shape is below its fraction of the target; the light may use the rest. Light without random numbers has no
+noise, and a pad without a load has no error of mechanics: the target is divided among the errors that exist. Mesh size
+and number of points follow from pilot runs, whose random numbers do not enter the result.
 """
 
 from __future__ import annotations
@@ -94,8 +94,8 @@ in nearly all scenes."""
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:
-    """Error of a scene's readings due to facets: their positions and random heights (each from one more short trace
-    than that of the readings), and their tilts.
+    """Estimate the error of a scene's readings due to the flat triangles (facets) of curved and rough walls. Their
+    positions and random heights each take a further short trace; the effect of their tilts is estimated without one.
 
     The number of points is chosen as in :func:`mechanics_of`.
 
@@ -108,7 +108,7 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
     most : int
         Largest number of points per taxel and replicate.
     tolerance : float
-        Relative noise at which no more points are needed.
+        Noise of the estimate, relative to the readings, below which no further points are traced.
 
     Returns
     -------
@@ -144,21 +144,21 @@ def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance:
 
 
 def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> ShapeErrors | None:
-    """Readings of diffuse cells and their errors, without random numbers.
+    """Compute the readings of diffuse cells, and their errors, without random numbers.
 
-    Errors due to the discretisation of the light count as errors of the geometry.
+    The returned error of the geometry is that of the discretised light: patches and quadrature.
 
     Parameters
     ----------
     ready : Prepared
         The scene.
     mechanics_error : bool
-        Whether to read the pad on coarser finite elements as well.
+        Whether to compute the readings on coarser finite elements as well, for the error of the mechanics.
 
     Returns
     -------
     ShapeErrors or None
-        None if the scene needs random paths.
+        Readings in W and their errors; None if the scene needs random paths.
     """
     tracer = getattr(ready.integrator, "specification", None)
     all_paths = isinstance(tracer, TaxelTracer) and tracer.max_depth < 0 and tracer.strategy == "all"
@@ -176,7 +176,8 @@ def without_random_numbers(ready: Prepared, mechanics_error: bool = True) -> Sha
 
 
 def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, tolerance: float = 0.0) -> MechanicsEstimate:
-    """Error of a scene's readings due to the mechanics, from three short traces, or four with mirrors.
+    """Estimate the error of a scene's readings due to the finite elements, from three short traces, or four with
+    mirrors.
 
     Parameters
     ----------
@@ -187,7 +188,7 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
     most : int
         Largest number of points per taxel and replicate; fewer are traced if they resolve the error.
     tolerance : float
-        Relative noise at which no more points are needed.
+        Noise of the estimate, relative to the readings, below which no further points are traced.
 
     Returns
     -------
@@ -221,7 +222,8 @@ def mechanics_of(ready: Prepared, seed: int, most: int = DEVIATION_POINTS, toler
 
 
 def _factor_of_points(error: float, noise: float, tolerance: float) -> int:
-    """Factor of the number of points after which an error with this noise is resolved, or below a tolerance."""
+    """Factor by which the number of points must grow until the noise of an error estimate is below a third of the
+    estimate, or below ``tolerance``."""
     largest = max(CLEAR * error, tolerance)
     if noise <= largest:
         return 1
@@ -229,12 +231,12 @@ def _factor_of_points(error: float, noise: float, tolerance: float) -> int:
 
 
 def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
-    """Largest number of points of the traces for the error by mechanics.
+    """Largest number of points of the short traces that estimate the error of the mechanics.
 
     Parameters
     ----------
     clock : Clock or None
-        Remaining time; with a limit, only the first traces are made.
+        Time budget of the run; with a finite budget, only the first, shortest traces are made.
     points : int
         Points of the readings.
 
@@ -249,7 +251,8 @@ def deviation_points(clock: Clock | None, points: int = MOST_POINTS) -> int:
 
 
 def geometry_points(points: int) -> int:
-    """Largest number of points of the traces for the error due to facets, from the number of points of the readings."""
+    """Largest number of points of the short traces that estimate the error due to facets, from the number of points of
+    the readings."""
     return min(max(points // GEOMETRY_SHARE, GEOMETRY_POINTS), FIRST_POINTS)
 
 
@@ -262,25 +265,26 @@ def _powers(ready: Prepared, seed: int, points: int) -> np.ndarray:
 def prepare_for(
     scene: AnyScene, target_error: float, seed: int, clock: Clock | None = None, random: bool = False
 ) -> PreparedFor:
-    """Prepare a scene such that the total error of its worst taxel reaches a target.
+    """Choose the mesh of a scene and the number of light paths such that the total error of every taxel reaches a
+    target.
 
     Parameters
     ----------
     scene : AnyScene
         See :func:`prepare`; only a `Scene` that does not fix the mesh of its pads gets a finer one.
     target_error : float
-        Relative; if the mechanics cannot reach it, the light still gets a fraction of it.
+        Relative total error. If the mechanics cannot reach it, the light still reaches its own fraction of it.
     seed : int
         Seed of the random numbers of pilot runs.
     clock : Clock, optional
         Steps that would not end in time are not started.
     random : bool
-        Whether light needs random paths, as for a map, even where readings do not.
+        Whether light is to be computed by random paths in any case, as for an irradiance map.
 
     Returns
     -------
     PreparedFor
-        The scene, its errors due to the shape, and the settings for the light.
+        The scene, its errors due to the shape, and the mesh size and number of points for the reading.
     """
     scene = described(scene)
     ready, seconds = _timed(scene)
@@ -335,7 +339,7 @@ def prepare_for(
 
 
 def _timed(scene: AnyScene) -> tuple[Prepared, float]:
-    """A prepared scene, and the seconds that its preparation takes without cached solutions."""
+    """Prepare a scene; returns it with the seconds that its preparation takes without cached solutions."""
     with stages.record() as seconds:
         ready = prepare(scene)
         with stages.stage("mechanics"):
@@ -344,19 +348,19 @@ def _timed(scene: AnyScene) -> tuple[Prepared, float]:
 
 
 def _refinable(ready: Prepared) -> list[PadShape]:
-    """The pads that become more accurate with smaller elements."""
+    """The pads of a scene whose errors fall with smaller elements."""
     return [*loaded_pads(ready.scene), *curved_pads(ready.scene)]
 
 
 def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
-    """Smallest mesh size of all pads whose readings depend on their elements.
+    """Smallest mesh size among the pads of a scene whose readings depend on their elements.
 
     Parameters
     ----------
     ready : Prepared
         The scene.
     loaded : bool
-        Whether to return the mesh size that pads have with a load.
+        Whether to return the mesh sizes that the pads would have under a load.
 
     Returns
     -------
@@ -372,12 +376,12 @@ def smallest_mesh_size(ready: Prepared, loaded: bool = False) -> float:
 def finer_mesh(
     scene: Scene, ready: Prepared, meshes: list[tuple[float, float]], target: float, order: float = ORDER
 ) -> float | None:
-    """Next mesh size for a target error.
+    """Choose the next smaller mesh size on the way to a target error.
 
     Parameters
     ----------
     scene : Scene
-        Scene as described.
+        Description of the scene.
     ready : Prepared
         The loaded scene.
     meshes : list[tuple[float, float]]
@@ -385,12 +389,13 @@ def finer_mesh(
     target : float
         Relative error.
     order : float
-        Exponent of the mesh size with which errors fall.
+        Order of convergence: errors are proportional to the mesh size to this power.
 
     Returns
     -------
     float or None
-        Mesh size in mm; None if the error is within the target, the scene fixes the mesh, or the next mesh is too fine.
+        Mesh size in mm; None if the error is below the target, if the scene fixes the mesh, or if the next mesh would
+        have too many elements.
     """
     size, error = meshes[-1]
     if not scene.leaves_mesh_open or error <= target:
@@ -401,20 +406,19 @@ def finer_mesh(
 
 
 def rungs_to(target: float, meshes: list[tuple[float, float]], order: float = ORDER) -> int:
-    """Estimated number of rungs on the ladder of mesh sizes, from the last mesh size to the size that reaches the
-    target error.
+    """Estimate how many times the mesh size must be reduced by the factor `RUNG` until the error reaches the target.
 
-    Errors scatter from one mesh to the next. The expected error is the geometric mean of the errors on all meshes, each
-    scaled to the last size.
+    Errors scatter from one mesh to the next. The present error is therefore taken as the geometric mean of the errors
+    on all meshes, each scaled to the last mesh size.
 
     Parameters
     ----------
     target : float
-        Relative error.
+        Relative error to reach.
     meshes : list[tuple[float, float]]
-        Mesh sizes in mm and the relative errors on them, NaN if unknown.
+        Mesh sizes in mm and the relative errors on them, NaN if unknown; the present mesh is last.
     order : float
-        Power of the mesh size with which errors fall.
+        Order of convergence: errors are proportional to the mesh size to this power.
 
     Returns
     -------
@@ -436,9 +440,10 @@ def points_for(
     first: Run | None = None,
     known_error: float = math.inf,
 ) -> int:
-    """Points per taxel and replicate for a relative standard error of the light, by a pilot run.
+    """Estimate, by a pilot run, the number of points per taxel and replicate for a relative standard error of the
+    light.
 
-    Where a pad touches a package, they are at most :data:`DARK_POINTS`.
+    If a pad touches a package, the result is at most :data:`DARK_POINTS`.
 
     Parameters
     ----------
@@ -447,12 +452,13 @@ def points_for(
     target_error : float
         Relative target error.
     clock : Clock, optional
-        Time budget. If its time does not suffice, the result is `MOST_POINTS`, and the clock ends the run.
+        Time budget. If its time does not suffice, the result is `MOST_POINTS`, so that the clock ends the run.
     first : Run, optional
-        A pilot run to continue. Without it, the random numbers are always the same, and the result is remembered with
-        the scene.
+        A pilot run to continue. Without it, the pilot run always has the same seed, and its result is cached with the
+        scene.
     known_error : float
-        Relative error without random numbers: the result is 0 if the error of paths would not fall below it in time.
+        Relative error of readings computed without random numbers. The result is 0 if random paths would not reach a
+        smaller error in time.
 
     Returns
     -------
@@ -484,7 +490,8 @@ def points_for(
 
 
 def _safety(powers: np.ndarray) -> float:
-    """Safety factor of the error of the worst taxel, reduced by the bias of a maximum.
+    """Safety factor for the predicted error of the worst taxel, reduced by the bias that the largest of several
+    estimated errors has.
 
     The largest of T numbers that scatter about a mean exceeds it by about Phi^-1((T - 3/8) / (T + 1/4)) times their
     standard deviation (G. Blom, Statistical Estimates and Transformed Beta-Variables, 1958).

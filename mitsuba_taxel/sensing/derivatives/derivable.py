@@ -1,4 +1,4 @@
-"""Parameters of a scene for which derivatives are available."""
+"""Parameters of a scene with respect to which readings have no derivative."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ WITHOUT_PAD = "the scene has no pad, and a study stores derivatives of pads alon
 
 @in_turn
 def without_derivative(scene: Scene, names: Iterable[str]) -> dict[str, str]:
-    """Parameters without derivatives in a study of a scene, with the reasons.
+    """Find the parameters with respect to which a study of a scene cannot store derivatives, with the reasons.
 
     Parameters
     ----------
     scene : Scene
-        Scene described, not loaded.
+        Description of the scene; it need not be loaded.
     names : iterable of str
-        Parameters of the scene, or components of its load.
+        Names of parameters of the scene, or of components of its load.
 
     Returns
     -------
     dict[str, str]
-        Reasons by name.
+        Reason for each parameter without a derivative, by name; empty if all have one.
     """
     from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 

@@ -1,8 +1,10 @@
-"""Derivatives of readings with respect to parameters of a scene: force, material, dimensions, parts.
+"""Derivatives of the readings of diffuse cells with respect to parameters of a scene: load, material, dimensions, LED
+and phototransistor.
 
 Light in diffuse cells is computed without random numbers, so that derivatives are as accurate as readings (see
 `transport`). A parameter moves the walls of the cells through the mechanics, and changes LED, phototransistor and the
-scattering of walls: dP = dP/dx . dx + dP/d(ends).
+reflectance of walls. The change of a reading P is dP = dP/dx . dx + dP/dq . dq, with the positions x of the walls and
+the properties q of LED, phototransistor and walls.
 """
 
 from __future__ import annotations
@@ -52,23 +54,23 @@ def derivatives_by(
     of_light_alone: bool = False,
     patch_size: float | None = None,
 ) -> Derivatives:
-    """Derivatives of the readings of a loaded scene with respect to parameters, from their :func:`rates`.
+    """Compute the derivatives of the readings of diffuse cells with respect to parameters, without random numbers.
 
     Parameters
     ----------
     changes : list[Rates]
-        Results of :func:`rates`, one for each parameter.
+        Rates of the scene's parts with each parameter, from :func:`rates`.
     live : mi.Scene
         The loaded scene.
     with_errors : bool
-        Whether to compute errors, which take most of the time; else they are NaN.
+        Whether to compute the errors, which take most of the time; else they are NaN.
     degree : int
-        Degree of the solutions on a patch; degree 1, available without errors, is accurate to a percent in half the
-        time.
+        Degree of the polynomials on each patch. Degree 2 is the default; degree 1, allowed without errors only, is
+        accurate to a percent and takes half the time.
     wider : float
-        Factor of the width over which the step at the horizon is spread.
+        Factor of the width over which the step of isotropic light at the horizon of a patch is smoothed.
     of_light_alone : bool
-        Whether to leave out strain and clearance of the pad, which are then NaN.
+        Whether to omit the strain and the clearance of the pad, which are then NaN.
     patch_size : float, optional
         Size in mm of the patches for the light instead of the default.
 
@@ -80,10 +82,11 @@ def derivatives_by(
     Raises
     ------
     InputError
-        if the scene has no derivative with respect to one of them; `NotDiffuse` if its light needs random paths, as
-        with mirrors.
+        if the readings have no derivative with respect to one of the parameters. The subclass `NotDiffuse` is raised if
+        the light needs random paths, as with mirrors.
     ComputationError
-        if there is no equilibrium nearby; `NotFollowed` if too much light is occluded, or takes too long.
+        if the pad has no equilibrium at a neighbouring load. The subclass `NotFollowed` is raised if too much light is
+        occluded, or if its computation would take too long.
     """
     try:
         with stages.stage("derivatives"):
@@ -167,7 +170,8 @@ class _Linearised:
         return _Second(scene, [scene.linear.nodal(change) for change in changes], state)
 
     def _equal(self, nodal: list[Nodal], changed: list, second: _Second | None) -> list[int]:
-        """For each cell, the number of the first cell that is equal to it on both meshes."""
+        """For each cell, the index of the first cell that is its mirror image on both meshes, so that their derivatives
+        are equal; its own index if there is none."""
         if any(changed):
             return list(range(len(self.patches)))
         meshes = [(self, nodal)] if second is None else [(self, nodal), (second.scene, second.nodal)]
@@ -181,7 +185,8 @@ class _Linearised:
 
 @dataclass(frozen=True, eq=False)
 class _Second:
-    """The scene linearised on a second mesh, the rates of its nodes, and the state there."""
+    """The scene linearised on a second mesh, the rates of the nodes of that mesh with each parameter, and the state on
+    it."""
 
     scene: _Linearised
     nodal: list[Nodal]
@@ -189,8 +194,9 @@ class _Second:
 
 
 class _CellDerivatives(NamedTuple):
-    """Results of a cell: reading per W of its LED, derivatives (P,) with respect to each parameter, errors (1 + P,) of
-    both due to the light, comparison with a second mesh, and flows of light between patches."""
+    """Results of one cell, per W of its LED: the reading, its derivatives (P,) with respect to P parameters, the errors
+    (1 + P,) of reading and derivatives due to the light, the comparison with a second mesh, and the flows of light
+    between patches."""
 
     reading: float
     values: np.ndarray
@@ -200,7 +206,7 @@ class _CellDerivatives(NamedTuple):
 
 
 class _CellRates:
-    """One cell, and the velocities of its walls with each parameter."""
+    """One cell, and the velocities of its walls: their rates of change with each parameter."""
 
     def __init__(self, scene: _Linearised, number: int, nodal: list[Nodal], changed: list) -> None:
         self._scene, self._number = scene, number
@@ -213,7 +219,7 @@ class _CellRates:
         self._changed = changed
 
     def derivatives(self, with_errors: bool, second: _Second | None) -> _CellDerivatives:
-        """Results of the cell, without its pairs of points, which take much memory."""
+        """Compute the results of the cell. The pairs of quadrature points, which take much memory, are not kept."""
         fine = self._solved(self._scene.degree)
         values = self._by_patch(fine, fine.gradient(self._scene.wider)).sum(axis=1)
         light, comparison = np.full(1 + len(values), np.nan), unknown(len(values))
@@ -238,20 +244,22 @@ class _CellRates:
         return _CellDerivatives(fine.reading, values, light, comparison, fine.flows())
 
     def _change_by_wider_horizon(self, coarse: Cell, gradient: np.ndarray) -> np.ndarray:
-        """Changes (P,) of the derivatives if the horizon is twice as wide; only isotropic light has a horizon."""
+        """Changes (P,) of the derivatives if the step at the horizon is smoothed over twice the width. Only isotropic
+        light has such a step."""
         if not self._scene.cells.cells[self._number].isotropic.any():
             return np.zeros(len(self._velocities))
         change = coarse.gradient(wider=2) - gradient
         return np.array([(change * velocity).sum() for velocity in self._velocities])
 
     def _conservation_error(self, cell: Cell, values: np.ndarray) -> np.ndarray:
-        """Errors (P,) of the derivatives due to the light between walls, LED and phototransistor, and due to
-        quadrature.
+        """Errors (P,) of the derivatives due to the integrals of the light from the LED and to the phototransistor, and
+        due to quadrature.
 
         Raises
         ------
         NotFollowed
-            if integrals over walls differ from those along their outlines.
+            if the integrals over the walls miss the power of the LED or the light that the phototransistor accepts by
+            more than 1 %.
         """
         error = np.hypot(cell.emission_error, cell.reception_error)
         if error > MOST_OFF * cell.reading:
@@ -262,7 +270,8 @@ class _CellRates:
         return np.hypot(moving, relative * values)
 
     def _difference_of_sides(self, cell: Cell) -> np.ndarray:
-        """Half the difference (P,) of the one-sided derivatives at a kink, where the mean of both is stated."""
+        """Half the difference (P,) of the one-sided derivatives of an unloaded pad; 0 where only one side is requested.
+        The stated derivative is the mean of both."""
         return np.array(
             [
                 0.0 if side else np.ptp(self._bent(cell, velocity, side).sum(axis=1)) / 2
@@ -271,14 +280,16 @@ class _CellRates:
         )
 
     def _bent(self, cell: Cell, velocity: np.ndarray, side: int) -> np.ndarray:
-        """Derivatives (S, F) of the light between points that lie in one plane while the pad is at rest: for a movement
-        to the side on which the pad is pressed, or to both sides."""
+        """One-sided derivatives of the light between points of a flat wall, which see each other only once the pad is
+        displaced: an array (S, F) for S sides (one if ``side`` is given, else two) and F patches; 0 for a displaced
+        pad."""
         if self._scene.state.displacement.any():
             return np.zeros((1, len(self._rest)))
         return np.array([cell.bent(velocity, sign) for sign in ((side,) if side else (1, -1))])
 
     def _compared(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> Comparison:
-        """Comparison of the derivatives with those on the second mesh, both from the coarser solution of the light."""
+        """Differences between the derivatives on the second mesh and on the first, both from the coarser solution of
+        the light."""
         second_rates = _CellRates(second.scene, self._number, second.nodal, self._changed)
         cell = second_rates._solved(COARSE)
         second_gradient = cell.gradient()
@@ -294,13 +305,15 @@ class _CellRates:
         return cells.solved(self._number, cells.light_mesh(self._number, degree), self._at)
 
     def _velocity(self, nodal: Nodal, displaced: np.ndarray) -> np.ndarray:
-        """Velocity (F, 15, 3) of the deformed walls."""
+        """Velocity (F, 15, 3) of the 15 nodes of each of F patches of the deformed walls, in mm per unit of the
+        parameter."""
         displacement = self._scene.state.displacement
         dimensions = (rate * self._patches.moved(name, displacement) for name, rate in nodal.dimensions.items())
         return sum(dimensions, start=displaced)
 
     def _by_patch(self, cell: Cell, gradient: np.ndarray) -> np.ndarray:
-        """Derivatives (P, F + 1) with respect to the movement of each patch of walls, and to changes of other parts."""
+        """Contributions (P, F + 1) to each of P derivatives: those of the movement of each of F patches, then that of
+        changes of LED, phototransistor, package and reflectances."""
         by_walls = [
             (gradient * velocity).sum(axis=(1, 2)) + self._bent(cell, velocity, side).mean(axis=0)
             for velocity, side in zip(self._velocities, self._sides, strict=True)
@@ -308,7 +321,8 @@ class _CellRates:
         return np.column_stack([by_walls, [self._by_parts(cell, gradient, scenes) for scenes in self._changed]])
 
     def _by_parts(self, cell: Cell, gradient: np.ndarray, scenes: list[tuple[float, DiffuseCells]]) -> float:
-        """Derivative by changes of LED, phototransistor, package and reflectances: a difference over ``scenes``."""
+        """Derivative of the reading through changes of LED, phototransistor, package and reflectances: a finite
+        difference over the scenes and weights in ``scenes``."""
         present, taxel = self._scene.cells.cells[self._number], self._scene.cells.taxels[self._number]
         derivative = 0.0
         for weight, changed in scenes:
@@ -323,5 +337,5 @@ class _CellRates:
 
 
 def _scale(change: Rates, load: Sequence[float]) -> float:
-    """Scale of a parameter: its value, or that of the load of which it is a component."""
+    """Magnitude of a parameter's value; for a component of the load, that of the whole load."""
     return float(np.linalg.norm(load)) if change.load.any() else abs(change.value)

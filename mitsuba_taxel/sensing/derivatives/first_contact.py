@@ -1,7 +1,8 @@
 """The load at which a pad first touches itself, the board or a package, and its derivatives.
 
-The load path is followed to its end. There the walls in contact move with the load and with each parameter, to first
-order. The implicit function theorem gives the derivative: the load changes so that the walls still just touch.
+The load path is followed to its end. The walls in contact move with the load and with each parameter, to first order.
+By the implicit function theorem, the derivative of the contact load is the change of load that keeps the walls just in
+contact.
 """
 
 from __future__ import annotations
@@ -40,19 +41,19 @@ MOVED = 1e-4
 
 @in_turn
 def why_no_contact(scene: Scene, along: str) -> str | None:
-    """Reason why a scene has no first contact along a parameter; None if it has one.
+    """Reason why the first contact of a pad cannot be computed for an increase of a parameter; None if it can.
 
     Parameters
     ----------
     scene : Scene
-        Scene described, not loaded.
+        Description of the scene; it need not be loaded.
     along : str
-        A parameter of the scene.
+        Name of the parameter of the scene that increases the load.
 
     Returns
     -------
     str or None
-        One sentence.
+        A sentence that names the parameter and the reason.
     """
     try:
         change = rates(scene, along).load
@@ -72,7 +73,8 @@ def why_no_contact(scene: Scene, along: str) -> str | None:
 
 
 def _on_one_path(value: np.ndarray, change: np.ndarray) -> bool:
-    """Whether a changing load stays on one load path, which applies the normal component before the tangential ones."""
+    """Whether all values of a changing load lie on one load path. A load path applies the normal component first, then
+    the tangential components."""
     if len(value) == 1:
         return True
     tangential, tangential_change = value[:2], change[:2]
@@ -85,30 +87,33 @@ def _on_one_path(value: np.ndarray, change: np.ndarray) -> bool:
 def first_contact(
     at: Callable[[float], Scene], along: str, last: float, furthest: float, names: Sequence[str] = ()
 ) -> FirstContact:
-    """The first contact of the pad of a scene as its load increases.
+    """Compute the load at which a pad first touches itself, the board or a package, and its derivatives.
 
     Parameters
     ----------
     at : Callable[[float], Scene]
-        The scene at a value of the parameter ``along``.
+        Returns the scene for a value of the parameter ``along``.
     along : str
-        A component of the load, or a parameter that changes it.
+        Name of the increasing parameter: a component of the load, or a parameter that changes the load.
     last, furthest : float
-        A value that the pad bears, and the value up to which the path is followed.
+        Values of ``along``: one under which the pad has an equilibrium, and the value up to which the load path is
+        followed.
     names : Sequence[str]
-        Parameters of the requested derivatives; see :func:`rates`.
+        Parameters with respect to which the contact load is differentiated; see :func:`rates`.
 
     Returns
     -------
     FirstContact
-        The value of ``along``, its derivatives, and the object that is touched; empty if the path reaches ``furthest``.
+        The value of ``along`` at the contact, its derivatives, and the object that the pad touches. Without contact up
+        to ``furthest``, the value is ``furthest`` and no object is named.
 
     Raises
     ------
     InputError
-        if there is no first contact along the parameter (see :func:`why_no_contact`), or no derivative.
+        if the first contact cannot be computed for this parameter (see :func:`why_no_contact`), or has no derivative
+        with respect to one of ``names``.
     ComputationError
-        if the pad does not bear the last value, or the contact is not found again.
+        if the pad has no equilibrium at ``last``, or the contact is not found again shortly before the end of the path.
     """
     refused = why_no_contact(at(last), along)
     if refused is not None:
@@ -133,8 +138,8 @@ def first_contact(
 def _end_by_instability(
     at: Callable[[float], Scene], along: str, last: float, increase: float, names: Sequence[str]
 ) -> FirstContact:
-    """The load at which the pad becomes unstable, extrapolated from an earlier state. If the extrapolation misses the
-    end of the load path: the end of the path, with unknown derivatives."""
+    """The load at which the pad becomes unstable, extrapolated from an earlier state. If the extrapolated load differs
+    from the end of the load path, the result is the end of the path, with unknown derivatives (NaN)."""
     try:
         instability = Instability(at(last + (1 - NEAR_END) * increase), along)
         if abs(instability.value - last - increase) <= 2 * NEAR_END * abs(increase):
@@ -159,7 +164,7 @@ class _Touching:
         self.value = change.value + self._distance(0.0, self._linear.nodal(change), self._packages)
 
     def rate(self, name: str) -> float:
-        """Derivative of the value of ``along`` at the contact with respect to a parameter."""
+        """Derivative of the value of ``along`` at the contact with respect to the parameter ``name``."""
         change = rates(self._scene, name)
         nodal = self._linear.nodal(change)
         scenes = change.scenes() if self._of_package else []
@@ -172,7 +177,8 @@ class _Touching:
         return float(total)
 
     def _distance(self, step: float, nodal: Nodal, bodies: np.ndarray | None) -> float:
-        """Change of ``along`` up to the contact with a body, after the nodes have moved with another parameter."""
+        """Change of ``along`` from the present state to the contact, after the nodes have moved by ``step`` with
+        another parameter."""
         distance = self._ahead.after(step * nodal.velocity, step * nodal.displacement, bodies)
         if not np.isfinite(distance):
             raise ComputationError(
@@ -183,6 +189,6 @@ class _Touching:
 
 
 def _package_triangles(live: mi.Scene) -> np.ndarray | None:
-    """Triangles (K, 3, 3) of all packages of a scene; None without packages."""
+    """Corners (K, 3, 3) of the K triangles of all packages of a scene, in mm; None without packages."""
     bodies = packages(live)
     return np.concatenate(bodies) if bodies else None

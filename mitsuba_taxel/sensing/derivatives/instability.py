@@ -1,4 +1,4 @@
-"""The load at which a pad becomes unstable, and its derivatives, from a state shortly before."""
+"""The load at which a pad becomes unstable, and its derivatives, extrapolated from a state shortly before."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ MOVED = 2e-5
 
 
 class Instability:
-    """The value of a parameter at which the pad of a scene becomes unstable, extrapolated from a state shortly before.
+    """The value of a parameter at which the pad of a scene becomes unstable, extrapolated from the scene's own state.
 
-    The stiffness of the softest mode is assumed to be linear in the parameter ``along``, and is 0 at the instability.
-    If another parameter changes the stiffness, the value of ``along`` at the instability changes with it.
+    The stiffness of the softest mode is 0 at the instability, and is assumed to be linear in the parameter ``along``. A
+    change of the stiffness by another parameter shifts the value of ``along`` at the instability.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Instability:
         return -self._stiffening(rates(self._scene, name)) / self._by_value
 
     def _stiffening(self, change: Rates) -> float:
-        """Derivative of the mode's stiffness with respect to a parameter, by a central difference."""
+        """Derivative of the stiffness of the softest mode with respect to a parameter, by a central difference."""
         if change.place.any():
             raise InputError(f"the load at which the pad becomes unstable has no derivative by {change.name}.")
         nodal, state = self._linear.nodal(change), self._state

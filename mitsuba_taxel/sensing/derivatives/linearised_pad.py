@@ -28,17 +28,17 @@ _kept: Recent[np.ndarray] = Recent("responses of linearised pads", MOST_KEPT)
 
 @dataclass(frozen=True, eq=False)
 class Nodal:
-    """Rates of the nodes with a parameter.
+    """Rates of change of the N nodes of a pad's mesh with one parameter.
 
     Attributes
     ----------
     displacement, velocity : (N, 3) ndarray
-        Rates of the displacement and of the undeformed positions of the nodes, in mm per unit of the parameter.
+        Rates of change of the nodes' displacement and of their undeformed positions, in mm per unit of the parameter.
     dimensions : dict[str, float]
-        Rates of the dimensions of the pad.
+        Rates of change of the pad's dimensions, by name.
     side : int
-        Side of a pad at rest for one-sided derivatives: 1 with a larger parameter, -1 with a smaller one, 0 for
-        the mean of both. By default it is the side on which the pad is pressed.
+        Side for one-sided derivatives of an unloaded pad: 1 towards larger values of the parameter, -1 towards smaller
+        values, 0 for the mean of both. `LinearisedPad.nodal` chooses the side on which the load presses on the pad.
     """
 
     displacement: np.ndarray
@@ -60,14 +60,14 @@ class LinearisedPad:
         return linearise(self.state)
 
     def nodal(self, change: Rates) -> Nodal:
-        """Rates of the nodes of the state's mesh.
+        """Rates of change of the nodes of the state's mesh with a parameter, from the linearised equilibrium.
 
         Raises
         ------
         InputError
-            if there is no derivative with respect to the parameter.
+            if the state has no derivative with respect to the parameter.
         ComputationError
-            if there is no equilibrium nearby.
+            if the pad has no equilibrium at a neighbouring load.
         """
         from mitsuba_taxel.pads.parametric.velocities import mesh_velocity
 
@@ -89,14 +89,15 @@ class LinearisedPad:
         return Nodal(displacement, velocity, change.pad)
 
     def strain(self, nodal: list[Nodal]) -> tuple[float, np.ndarray]:
-        """The largest strain, and its rates."""
+        """The largest strain, and its derivatives with respect to the parameters of ``nodal``."""
         from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
         strain = largest_strain(self.state)
         return strain.value, np.array([strain.rate(rate.displacement, rate.velocity) for rate in nodal])
 
     def _by_load(self, load: np.ndarray) -> np.ndarray:
-        """First-order displacement (N, 3) for a change of the load. Along the load path, the state contains it."""
+        """First-order displacement (N, 3) of the nodes for a change of the load, in mm. For a change along the load
+        path, it is taken from the state."""
         ahead = self.state.path_rate()
         if ahead is not None and abs(load @ ahead.direction) > (1 - PARALLEL) * np.linalg.norm(load):
             return (load @ ahead.direction) * ahead.displacement
@@ -107,7 +108,7 @@ class LinearisedPad:
 
 
 def _side(load: np.ndarray) -> int:
-    """Sign of a change of the load: 1 for a change that presses on the pad, such as a pressure or a downward force or
-    displacement."""
+    """Side of a change of the load: 1 if it presses on the pad, such as a pressure or a downward force or displacement;
+    -1 if it pulls; else 0."""
     presses = load[0] if len(load) == 1 else -load[-1]
     return int(np.sign(presses))

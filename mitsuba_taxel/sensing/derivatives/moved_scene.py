@@ -1,7 +1,7 @@
-"""A scene at other values of one of its parameters, with walls that move to first order in the parameter.
+"""A scene at neighbouring values of one of its parameters, with walls that move to first order in the parameter.
 
-Walls keep their triangles, and paths their random numbers and guides. So the noise of readings at two values cancels in
-their difference.
+The walls keep their triangles, and the paths their random numbers and guides. The noise of readings at two values
+therefore cancels in their difference.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ BESIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MovingWalls:
-    """Positions of the walls of a pad, and their velocities with a parameter.
+    """Positions of the walls of a pad, and their rates of change with a parameter.
 
     Attributes
     ----------
     displacement : (N, 3) ndarray
-        Displacement of the nodes of the scene's pad, in mm.
+        Displacement of the N nodes of the scene's pad, in mm.
     nodal : Nodal
-        Rates of the nodes with the parameter.
+        Rates of change of the nodes with the parameter.
     chords : bool
-        Whether triangles are chords of curved walls.
+        Whether triangles are inscribed in curved walls (chords).
     bent : bool
-        Whether the curvature of mirrors is changed by its typical error.
+        Whether the curvature of mirrors is changed by its typical finite-element error.
     """
 
     displacement: np.ndarray
@@ -78,14 +78,14 @@ def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWal
 
 
 class MovedScene:
-    """A prepared scene with one pad or none, at other values of one of its parameters.
+    """A prepared scene with one pad or none, at neighbouring values of one of its parameters.
 
     If the scene has no pad, the argument ``walls`` of its methods is None.
 
     Raises
     ------
     InputError
-        if the pad cannot be moved by the parameter.
+        if the parameter changes dimensions of a pad with a finish.
     """
 
     def __init__(self, ready: Prepared, change: Rates) -> None:
@@ -99,7 +99,7 @@ class MovedScene:
         self._moved: tuple[float, Any] = 0.0, ready.scene
 
     def largest_step(self, walls: MovingWalls | None) -> float:
-        """Largest change of the parameter for which the scene is read, in the unit of the parameter."""
+        """Largest change of the parameter for differences of readings, in the unit of the parameter."""
         steps = [] if walls is None else self._steps_of_walls(walls)
         if self._change.beside or not steps:
             steps.append(PARTS_CHANGE * (abs(self._change.value) or 1.0))
@@ -113,12 +113,13 @@ class MovedScene:
         return [float(WALLS_MOVE * np.ptp(mesh.points[:, 2]) / speed)] if speed else []
 
     def power(self, offset: float, walls: MovingWalls | None, seed: int, points: int) -> np.ndarray:
-        """Readings (R, T) in W of R replicates with the parameter changed by ``offset``; the pad stays moved.
+        """Readings (R, T) in W of T taxels in R replicates, with the parameter changed by ``offset``. The pad is not
+        moved back.
 
         Raises
         ------
         InputError, RuntimeError
-            if the scene is not valid with this change.
+            if the scene is not valid with this value of the parameter.
         """
         live = self._scene(offset)
         if walls is not None:
@@ -142,7 +143,7 @@ class MovedScene:
         return self._pad.moved_places(state, pad, walls.chords, curvature)
 
     def _curvature_errors(self, offset: float, walls: MovingWalls) -> np.ndarray:
-        """Typical errors of the curvature of walls in 1/mm, which grow or fall with the displacement."""
+        """Typical errors of the curvature of walls in 1/mm, with the parameter changed by ``offset``."""
         assert self._pad is not None
         errors, rates, ahead = (
             self._pad.curvature_errors(displacement)
@@ -157,7 +158,8 @@ class MovedScene:
         return errors + offset * growing * rates
 
     def _scene(self, offset: float) -> mi.Scene:
-        """The loaded scene with its other parts changed, and with the guides from pilot runs."""
+        """The loaded scene with all parts except the pad changed by ``offset``, and with the guides of the unchanged
+        scene."""
         if not self._change.beside:
             return self._ready.scene
         if offset != self._moved[0]:

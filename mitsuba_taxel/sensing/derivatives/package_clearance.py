@@ -24,12 +24,13 @@ _AT_ONCE = 32
 
 
 class PackageClearance:
-    """The least distance between packages and points of the walls of cells, 28 on each face.
+    """Clearance of a pad: the least distance between its packages and its cells' walls, sampled at 28 points of each
+    face.
 
     Attributes
     ----------
     value : float
-        Least distance in mm; NaN if the scene has no packages.
+        Clearance in mm; NaN if the scene has no packages.
     """
 
     def __init__(self, state: State, bodies: list[np.ndarray]) -> None:
@@ -45,16 +46,18 @@ class PackageClearance:
                 self._weights = _SAMPLES[number % len(_SAMPLES)]
 
     def rate(self, nodal: Nodal, changed: list[tuple[float, list[np.ndarray]]]) -> float:
-        """Derivative of the least distance with respect to a parameter, in mm per its unit.
+        """Derivative of the clearance with respect to a parameter, in mm per unit of the parameter.
 
-        To first order, it is not affected if another point becomes the nearest.
+        It is the rate of the distance at the nearest point: to first order, a change of the nearest point has no
+        effect.
 
         Parameters
         ----------
         nodal : Nodal
-            Rates of the nodes.
+            Rates of change of the nodes with the parameter.
         changed : list[tuple[float, list[ndarray]]]
-            Weights and packages (K, 3, 3) of a finite difference; empty if the parameter does not move packages.
+            Terms of a finite difference: the weight, and the packages as the corners (K, 3, 3) of K triangles. Empty if
+            the parameter does not move packages.
         """
         if math.isnan(self.value):
             return math.nan
@@ -73,14 +76,16 @@ class PackageClearance:
 def clearances(
     state: State, nodal: list[Nodal], scene: mi.Scene, changed: list[list[tuple[float, mi.Scene]]]
 ) -> tuple[float, np.ndarray]:
-    """The clearance in mm between the pad and the packages of a scene, and its derivatives (P,).
+    """The clearance in mm between the pad and the packages of a scene, and its derivatives (P,) with respect to P
+    parameters.
 
     Parameters
     ----------
     nodal : list[Nodal]
-        Rates of the nodes with each parameter.
+        Rates of change of the nodes with each parameter.
     changed : list[list[tuple[float, mi.Scene]]]
-        For each parameter, weights and scenes of a finite difference; empty if the parameter changes the pad only.
+        For each parameter, the terms of a finite difference: weight and scene. Empty if the parameter changes the pad
+        only.
     """
     clearance = PackageClearance(state, packages(scene))
     bodies = [[(weight, packages(live)) for weight, live in stencil] for stencil in changed]
@@ -88,17 +93,18 @@ def clearances(
 
 
 def _separate(bodies: list[np.ndarray]) -> Iterator[np.ndarray]:
-    """Divide bodies into single packages."""
+    """Divide each body, which may hold several packages, into single packages."""
     for body in bodies:
         number = body_of_each(body)
         yield from (body[number == k] for k in range(number.max() + 1))
 
 
 def _nearest(points: np.ndarray, body: np.ndarray, least: float) -> tuple[float, int]:
-    """The least distance of points (N, 3) from a body (K, 3, 3), if less than ``least``, and the number of that point.
+    """The least distance of N points (N, 3) from a body of K triangles (K, 3, 3), and the index of the nearest point;
+    ``least`` and -1 if no point is nearer than ``least``.
 
-    The distance from the box around the body is a lower bound: points are sorted by it, and those beyond the least
-    distance so far are left out.
+    The distance from the bounding box of the body is a lower bound. Points are sorted by this bound, and the search
+    ends where the bound exceeds the least distance found so far.
     """
     low, high = body.min(axis=(0, 1)), body.max(axis=(0, 1))
     lower = np.linalg.norm(np.maximum(np.maximum(low - points, points - high), 0), axis=1)
@@ -118,7 +124,7 @@ def _nearest(points: np.ndarray, body: np.ndarray, least: float) -> tuple[float,
 
 
 def _closest(points: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """(N, 3) for each of the points (N, 3), the closest point of a body (K, 3, 3)."""
+    """The points (N, 3) of a body of K triangles (K, 3, 3) that are closest to each of N points (N, 3)."""
     repeated = np.repeat(points, len(body), axis=0)
     on_triangles = closest_on_triangles(repeated, np.tile(body, (len(points), 1, 1)))
     distances = np.linalg.norm(on_triangles - repeated, axis=1).reshape(len(points), -1)

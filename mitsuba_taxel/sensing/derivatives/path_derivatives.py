@@ -1,9 +1,10 @@
-"""Derivatives of readings by random paths, as with mirrors or without a pad: differences of readings of moved scenes.
+"""Derivatives of readings by random paths, for scenes with mirrors or without a pad: differences of readings at
+neighbouring values of the parameter.
 
-Walls of a pad move with the first-order rates of the mechanics, and the readings of a difference share their random
-numbers. Differences over a step and over twice the step are extrapolated (L. F. Richardson, 1911). The correction is
-the error due to the step; the scatter of independent randomisations gives the error due to noise. Pilot runs with other
-random numbers choose the step.
+The walls of a pad move with the first-order rates of the mechanics, and the readings of a difference share their random
+numbers. Differences over a step and over twice the step are extrapolated to a step of 0 (L. F. Richardson, 1911). The
+change by the extrapolation is stated as the error due to the step; the scatter of independent randomisations gives the
+error due to noise. Pilot runs with other random numbers choose the step.
 """
 
 from __future__ import annotations
@@ -51,23 +52,24 @@ Mean = Callable[[np.ndarray], float]
 def derivatives_of_paths(
     changes: list[Rates], ready: Prepared, powers: np.ndarray, seed: int, points: int, fixed: bool
 ) -> Derivatives:
-    """Derivatives of the readings of a prepared scene with respect to parameters, from their :func:`rates`.
+    """Compute the derivatives of the readings of a prepared scene with respect to parameters, by differences of random
+    paths.
 
     Parameters
     ----------
     changes : list[Rates]
-        Results of :func:`rates`, one for each parameter.
+        Rates of the scene's parts with each parameter, from :func:`rates`.
     ready : Prepared
         The scene.
     powers : (R, T) ndarray
-        Readings, in W.
+        Readings of T taxels in R replicates, in W.
     seed : int
         Seed of the readings.
     points : int
-        Points of the readings, per taxel and replicate.
+        Number of points of the readings, per taxel and replicate.
     fixed : bool
-        Whether derivatives use the same number of points. If not, they use up to `MORE_POINTS` times as many, until the
-        noise is small.
+        Whether the derivatives use the same number of points. If not, they use up to `MORE_POINTS` times as many, until
+        their noise is small.
 
     Returns
     -------
@@ -77,9 +79,9 @@ def derivatives_of_paths(
     Raises
     ------
     InputError
-        if the scene has no derivative with respect to one of them.
+        if the readings have no derivative with respect to one of the parameters.
     ComputationError
-        if there is no equilibrium nearby.
+        if the pad has no equilibrium at a neighbouring load.
     """
     pads = deformed_pads(ready.scene)
     with stages.stage("derivatives"), restored(ready.scene, pads):
@@ -111,7 +113,7 @@ def derivatives_of_paths(
 
 
 class _Effort(NamedTuple):
-    """The readings to be differentiated, and their random numbers."""
+    """The prepared scene to be differentiated, with the seed and the number of points of its readings."""
 
     ready: Prepared
     seed: int
@@ -120,7 +122,7 @@ class _Effort(NamedTuple):
 
 
 class _PadAndSecond:
-    """The pad of a scene, linearised, and its state on a second mesh."""
+    """The linearised pad of a scene, and the same pad linearised on a second mesh."""
 
     def __init__(self, pad: PadShape, changes: list[Rates]) -> None:
         self.pad = pad
@@ -132,7 +134,8 @@ class _PadAndSecond:
 
 
 class _Along:
-    """Differences of readings along one parameter of a scene; ``walls`` are those of its pad, if it has one."""
+    """Differences of readings with respect to one parameter of a scene; ``walls`` are the moving walls of its pad, if
+    it has one."""
 
     def __init__(
         self, effort: _Effort, change: Rates, walls: MovingWalls | None = None, stencils: Sequence[Stencil] = STENCILS
@@ -141,9 +144,9 @@ class _Along:
         self._scene = MovedScene(effort.ready, change)
 
     def estimate(self, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives (T,) in W per unit of the parameter, and their errors.
+        """Derivatives (T,) of T taxels in W per unit of the parameter, and their errors (T,).
 
-        Errors of the shape are averaged over the taxels with light, ``lit`` (T,).
+        Errors due to the shape of the pad are averaged over the taxels that receive light, marked in ``lit`` (T,).
         """
         # The error of a central difference falls with the square of the step: extrapolate to a step of 0.
         chosen = self._chosen()
@@ -161,11 +164,11 @@ class _Along:
     def _shape_errors(
         self, chosen: _Chosen, differences: _Differences, derivative: np.ndarray, mean: Mean
     ) -> list[float]:
-        """Errors due to the shape of a pad, in W per unit of the parameter; none without a pad."""
+        """Errors due to the shape of a pad, in W per unit of the parameter; empty without a pad."""
         return []
 
     def _chosen(self) -> _Chosen:
-        """Step, stencil and points with the least error, as pilot runs predict it."""
+        """Choose step, stencil and number of points with the least error, as predicted by pilot runs."""
         effort, largest = self._effort, self._scene.largest_step(self._walls) / FINER
         pilot_points = min(FIRST_POINTS, effort.points)
         pilot, step = self._stencil(largest, derived_seed(effort.seed, PILOT), pilot_points)
@@ -199,7 +202,8 @@ class _Along:
         return _Chosen(steps[best], pilot.stencil, points(best))
 
     def _stencil(self, largest: float, seed: int, points: int) -> tuple[_Differences, float]:
-        """The largest step, and the first stencil, with which the scene exists at the step and at twice the step."""
+        """Choose the largest step, and the first stencil, for which the scene is valid at the step and at twice the
+        step."""
         for level in range(LEVELS):
             for stencil in self._stencils:
                 differences, step = _Differences(self._scene, stencil, seed, points), largest / FINER**level
@@ -216,7 +220,8 @@ class _Along:
 
 
 class _AlongWithPad(_Along):
-    """Differences along a parameter that moves the walls of a pad, with the errors of its shape."""
+    """Differences with respect to a parameter that moves the walls of a pad, with the errors due to the shape of the
+    pad."""
 
     def __init__(self, effort: _Effort, pad: _PadAndSecond, change: Rates, nodal: Nodal) -> None:
         self._pad, self._mesh = pad, pad.pad.state.mesh
@@ -237,7 +242,8 @@ class _AlongWithPad(_Along):
         return errors
 
     def _mechanics_error(self, chosen: _Chosen, differences: _Differences, derivative: np.ndarray, mean: Mean) -> float:
-        """Error due to the finite elements, from a second mesh; NaN if unknown."""
+        """Error of the derivatives due to the finite elements, from a second mesh, in W per unit of the parameter; NaN
+        if unknown."""
         second, linear = self._pad.second, self._pad.second_linear
         if second is None or linear is None:
             return math.nan
@@ -250,7 +256,8 @@ class _AlongWithPad(_Along):
         return math.hypot(error, mean(differences.over(chosen.step, bent) - derivative))
 
     def _through_displacement(self, chosen: _Chosen, derivative: np.ndarray) -> np.ndarray:
-        """Derivative (R, T) through the displacement of the pad alone."""
+        """Derivatives (R, T) through the displacement of the pad alone, in W per unit of the parameter, for R
+        replicates and T taxels."""
         displacement = self._moving.nodal.displacement
         if not displacement.any():
             return np.zeros_like(derivative)
@@ -269,14 +276,15 @@ class _Chosen(NamedTuple):
 
 
 class _Differences:
-    """Derivatives of readings as differences, whose readings share their random numbers."""
+    """Derivatives of readings as finite differences; all readings share their random numbers."""
 
     def __init__(self, scene: MovedScene, stencil: Stencil, seed: int, points: int) -> None:
         self._scene, self.stencil, self._seed, self._points = scene, stencil, seed, points
         self._powers: dict[tuple[float, MovingWalls | None], np.ndarray] = {}
 
     def over(self, step: float, walls: MovingWalls | None) -> np.ndarray:
-        """Derivatives (R, T) with a step, in W per unit of the parameter, by replicate and taxel."""
+        """Derivatives (R, T) from differences over ``step``, in W per unit of the parameter, for R replicates and T
+        taxels."""
         powers = np.array([self._power(offset * step, walls) for _, offset in self.stencil])
         return np.tensordot([weight / step for weight, _ in self.stencil], powers, axes=1)
 
@@ -288,6 +296,7 @@ class _Differences:
 
 
 def _root_mean_square(changes: np.ndarray) -> float:
-    """Root mean square over the taxels of the means over replicates (R, T), without the variance that noise adds."""
+    """Root mean square over T taxels of the mean over R replicates of ``changes`` (R, T). The variance due to noise is
+    subtracted."""
     squares = changes.mean(axis=0) ** 2 - standard_error(changes) ** 2
     return math.sqrt(max(float(squares.mean()), 0.0))

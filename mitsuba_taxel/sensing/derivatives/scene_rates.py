@@ -1,7 +1,7 @@
-"""Rates of the parts of a scene with one of its parameters.
+"""Rates of change of a scene's parts (load, material, dimensions) with one of its parameters.
 
-The scene is loaded at values on both sides of the parameter's own, and the rates follow from differences of its parts.
-A parameter may thus occur several times, such as the pitch of a pad and of its photo-reflectors.
+The scene is parsed at values of the parameter on both sides of the present value, and the rates are finite differences
+of its parts. So a parameter may be used several times, as the pitch of a pad and of its photo-reflectors.
 """
 
 from __future__ import annotations
@@ -43,13 +43,14 @@ PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
 
 
 def instead_of_derivative(name: str) -> str:
-    """Advice for a parameter of rough cells: readings jump if an edge of the finish crosses a light path."""
+    """Advice for a parameter that moves a finish. Its readings have no derivative, because they jump if an edge of the
+    finish crosses a light path."""
     return f"take a difference of readings, which share their random numbers, by --vary {name}=FROM,TO"
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Rates of the parts of a scene with a parameter, per unit of the parameter.
+    """Rates of change of a scene's parts with a parameter, per unit of the parameter.
 
     Attributes
     ----------
@@ -58,19 +59,19 @@ class Rates:
     value : float
         Present value of the parameter.
     load : (components,) ndarray
-        Rates of the components of the load.
+        Rates of change of the components of the load.
     place : (2,) ndarray
-        Rates of x and y of a patch or an indenter.
+        Rates of change of x and y of a patch or an indenter, in mm.
     material, pad : dict[str, float]
-        Rates of the constants of the material, and of the dimensions of the pad.
+        Rates of change of the constants of the material and of the dimensions of the pad, by name.
     beside : list[tuple[float, float]]
-        Weights and values of the parameter in a difference, for the parts of the scene other than pads; empty if the
-        parameter does not change them.
+        Terms of a finite difference for the parts of the scene other than pads: weight, and value of the parameter.
+        Empty if the parameter does not change these parts.
     at : Callable[[float], mi.Scene]
-        Loads the scene with a value of the parameter, and with the present pad, if it has one.
+        Loads the scene with another value of the parameter; the pad, if any, keeps its present value.
     side : int
-        Side of a kink on which derivatives are wanted: 1 with a larger parameter, -1 with a smaller one, 0 for their
-        mean.
+        Side on which a one-sided derivative is requested, where both sides differ: 1 towards larger values of the
+        parameter, -1 towards smaller values, 0 for the mean of both.
     """
 
     name: str
@@ -85,17 +86,18 @@ class Rates:
     side: int = 0
 
     def scenes(self) -> list[tuple[float, mi.Scene]]:
-        """Weights and scenes of a difference. Scenes are not kept: kernels contain the parts of all scenes alive."""
+        """Terms of the finite difference in ``beside``: weight and loaded scene. The scenes are not cached, because
+        Dr.Jit's kernels contain the parts of all scenes that are alive."""
         return [(weight, self.at(value)) for weight, value in self.beside]
 
 
 def rates(scene: Scene, name: str) -> Rates:
-    """Rates of the parts of ``scene`` with its parameter ``name``.
+    """Compute the rates of change of a scene's parts with one of its parameters.
 
     Parameters
     ----------
     scene : Scene
-        Scene described, not loaded.
+        Description of the scene; it need not be loaded.
     name : str
         A ``<default>`` of the scene; a component of the load (fx, fy, fz, ux, uy, uz) or of a point of the profile
         (profile_r1, profile_z1, ...); or a parameter of one of its plugins, preceded by the plugin and a dot if several
@@ -109,7 +111,7 @@ def rates(scene: Scene, name: str) -> Rates:
     Raises
     ------
     InputError
-        if there is no such parameter, it is not a number, or has no derivative.
+        if there is no such parameter, if it is not a number, or if readings have no derivative with respect to it.
     """
     config = parser_config(activate_variant())
     refusals = []
@@ -139,7 +141,7 @@ class _Parameter:
 
 
 def _parameter(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Parameter:
-    """The parameter with this name: a ``<default>`` of the scene, or else a parameter of one of its plugins."""
+    """Find the parameter with a name: a ``<default>`` of the scene, or else a parameter of one of its plugins."""
     # A <default>: the scene is parsed with another value of it.
     if name in scene.parameters:
         text = scene.parameters[name]
@@ -206,7 +208,7 @@ def _parameter(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Para
 
 
 def _numbers_in(scene: Scene, config: mi.parser.ParserConfig) -> tuple[list[str], list[str]]:
-    """Names of the numbers among the parameters of a scene, and of the numbers that only one of its plugins has."""
+    """Names of the numerical parameters of a scene, and of numerical parameters that exactly one of its plugins has."""
     of_scene = [name for name, value in scene.parameters.items() if as_numbers([value])]
     times: Counter[str] = Counter()
     for node in _parsed(scene, config, {}).nodes:
@@ -227,7 +229,7 @@ def _numbers_in(scene: Scene, config: mi.parser.ParserConfig) -> tuple[list[str]
 
 
 def _present(plugin: Specification, name: str) -> Any:
-    """Value of a parameter of a plugin, stated or derived from other parameters; None if it has none."""
+    """Value of a parameter of a plugin, given or derived from other parameters; None if it has no value."""
     field = next(field for field, parameter in parameters_of(type(plugin)).items() if parameter.name == name)
     value = getattr(plugin, field)
     if not isinstance(plugin, DeformablePad) or value is not None:
@@ -238,7 +240,8 @@ def _present(plugin: Specification, name: str) -> Any:
 
 
 def _dimensions(plugin: DeformablePad) -> Mapping[str, float]:
-    """Dimensions of a pad, including those that are no parameters, such as points of a profile; none of a file."""
+    """Dimensions of a pad by name, including dimensions that are not parameters, such as points of a profile; empty for
+    a pad from a file."""
     return {} if plugin.filename else _undeformed(plugin).dimensions
 
 
@@ -256,12 +259,13 @@ def _parsed(scene: Scene, config: mi.parser.ParserConfig, changes: dict[str, str
 def _differences(
     scene: Scene, parameter: _Parameter, stencil: list[tuple[float, float]], config: mi.parser.ParserConfig
 ) -> Rates:
-    """Rates by differences of the parsed scenes, with weights and offsets of a ``stencil``.
+    """Rates as finite differences of parsed scenes, with the weights and offsets of a ``stencil``.
 
     Raises
     ------
     InputError
-        if the parameter changes something on which readings do not depend smoothly, or a value is not allowed.
+        if the parameter changes a property on which readings do not depend smoothly, or if a neighbouring value is not
+        allowed.
     """
     base = parameter.at(parameter.value)
     values = [(weight, parameter.value + offset) for weight, offset in stencil]
@@ -311,7 +315,7 @@ def _differences(
 
 
 def _with_pad_of(base: mi.parser.ParserState, state: mi.parser.ParserState, config: mi.parser.ParserConfig) -> mi.Scene:
-    """The scene that was parsed as ``state``, loaded with the pad of ``base``."""
+    """Load the scene parsed as ``state``, with the pad of the scene parsed as ``base``."""
     for node, node_of_base in zip(state.nodes, base.nodes, strict=True):
         if node.props.plugin_name() == PAD:
             node.props = node_of_base.props
@@ -320,7 +324,7 @@ def _with_pad_of(base: mi.parser.ParserState, state: mi.parser.ParserState, conf
 
 
 def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
-    """The deformable pad of a scene, if it has one."""
+    """The deformable pad of a parsed scene; None without one."""
     pads = [node.props for node in state.nodes if node.props.plugin_name() == PAD]
     if not pads:
         return None
@@ -335,7 +339,8 @@ def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
 
 
 def _refuse_unsmooth(parameter: _Parameter, pad: DeformablePad, changed: DeformablePad) -> None:
-    """Raise `InputError` if a parameter changes something of a pad on which its states do not depend smoothly."""
+    """Raise `InputError` if a parameter changes a property of a pad on which its deformation does not depend
+    smoothly."""
     differentiable = _differentiable(pad)
     for name in parameters_of(DeformablePad):
         if name in differentiable or name == "bsdf":
@@ -351,7 +356,7 @@ def _refuse_unsmooth(parameter: _Parameter, pad: DeformablePad, changed: Deforma
 
 
 def _differentiable(pad: DeformablePad) -> set[str]:
-    """Names of the parameters of a pad on which states depend smoothly."""
+    """Names of the parameters of a pad on which its deformation depends smoothly."""
     load = {"force", "displacement", "pressure", "shore_a", *Load.named(pad.load).position}
     return load | {*parameters_of(Pad), *_constants(pad.build_material())}
 
@@ -367,7 +372,8 @@ def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> N
 
 
 def _without_pad(state: mi.parser.ParserState, plugin: str = "") -> list[dict[str, Any]]:
-    """Parameters of each object of a scene except pads, or of those of one plugin, as comparable values."""
+    """Parameters of all objects of a parsed scene except pads, as comparable values; with ``plugin``, of the objects of
+    this plugin only."""
     return [
         {name: _value(node.props, name) for name in node.props.keys()}  # noqa: SIM118  (no mapping)
         for node in state.nodes

@@ -15,18 +15,19 @@ INDEPENDENT_WEIGHT = 0.25
 
 
 class Comparison(NamedTuple):
-    """Differences of a cell's derivatives between two meshes.
+    """Differences of a cell's reading and P derivatives between two meshes, per W of the LED.
 
     Attributes
     ----------
     changes : (1 + P,) ndarray
-        Changes of reading and derivatives.
+        Change of the reading, then of each derivative.
     independent : (P,) ndarray
-        Roots of the sums of squares of the changes by patches.
+        Root of the sum of squares of the changes that single patches contribute to each derivative.
     kinks : (P,) ndarray
-        Changes of derivatives by the kinks between elements, which shape and velocities of a mesh have in common.
+        Changes of derivatives due to the kinks between elements, which affect both the shape and the velocities of a
+        mesh.
     displaced : (P,) ndarray
-        Derivatives through the displacement alone.
+        Derivatives through the displacement of the pad alone.
     """
 
     changes: np.ndarray
@@ -36,32 +37,33 @@ class Comparison(NamedTuple):
 
 
 def unknown(count: int) -> Comparison:
-    """The comparison without a second mesh, for ``count`` parameters: NaN."""
+    """The comparison for ``count`` parameters if there is no second mesh: all values are NaN."""
     return Comparison(np.full(1 + count, np.nan), *np.full((3, count), np.nan))
 
 
 def mechanics_errors(
     comparisons: list[Comparison], reading: np.ndarray, second: SecondState | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors of derivatives and readings due to the finite elements.
+    """Estimate the errors of derivatives and readings due to the finite elements.
 
-    The change by kinks is an error of each taxel. In the rest of the change two meshes may agree by chance: it is
-    averaged over all cells that receive light, and a part of the changes by patches is added as if they were
-    independent.
+    The change due to kinks is an error of each taxel. In the rest of the change, two meshes may agree by chance. It is
+    therefore averaged over all cells that receive light, and a fraction of the changes by single patches is added as if
+    they were independent.
 
     Parameters
     ----------
     comparisons : list[Comparison]
-        Comparisons of each taxel.
+        Comparison of two meshes for each taxel.
     reading : (T, 1) ndarray
-        Readings per W of the LED.
+        Readings of T taxels, per W of the LED.
     second : SecondState or None
-        The state on the second mesh, which determines how much of the difference is an error.
+        The state on the second mesh. Its mesh size determines which fraction of the difference is stated as the error.
 
     Returns
     -------
     of_derivatives : (T, P) ndarray
-        Per W of the LED and unit of the parameter; NaN without a second mesh.
+        Errors of the derivatives per W of the LED and unit of the parameter, for P parameters; NaN without a second
+        mesh.
     of_readings : (T, 1) ndarray
         Errors of the readings per W of the LED.
     """

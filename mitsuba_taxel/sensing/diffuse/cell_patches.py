@@ -1,7 +1,7 @@
-"""Patches on the surfaces that scatter light within a cell: its walls, which move, and its package, which does not.
+"""Patches on the surfaces that scatter light within a cell: its walls, which move, and its package, which is fixed.
 
-The phototransistor receives nothing from below its plane, where the response to light on the walls has a kink. Patches
-are cut along this plane.
+A patch is a curved triangle with 15 nodes (a polynomial of degree 4). The phototransistor receives no light from below
+its plane. Its response over the walls has a kink at this plane, and patches are cut along it.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ ROUNDED = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class CellPatches:
-    """Patches of walls, followed by those on a package.
+    """Patches of a cell: F on its walls, followed by G on its package. A patch has 15 nodes.
 
     Attributes
     ----------
     faces : WallPatches
-        Faces of the mesh of the walls.
+        The faces of the mesh on the walls, before they are cut.
     cuts : PatchCuts
-        The F patches into which they are cut.
+        The F patches into which the faces are cut.
     package : (G, 15, 3) ndarray
-        Positions in mm.
+        Positions of the nodes of the patches on the package, in mm.
     """
 
     faces: WallPatches
@@ -40,34 +40,36 @@ class CellPatches:
 
     @property
     def rest(self) -> np.ndarray:
-        """Undeformed positions (F + G, 15, 3) of the patches, in mm."""
+        """Undeformed positions (F + G, 15, 3) of the patches' nodes, in mm."""
         return self._with_package(self.faces.rest, self.package)
 
     @property
     def pattern(self) -> np.ndarray:
-        """Rounded positions (F + G, 15, 3) in mm, undeformed, the same for cells that differ by a translation only."""
+        """Undeformed positions (F + G, 15, 3) in mm relative to the cell, rounded so that they are equal for cells that
+        differ by a translation only."""
         grain = ROUNDED * np.ptp(self.faces.pattern)
         package = np.round((self.package - self.faces.shift) / grain) * grain
         return self._with_package(self.faces.pattern, package) + 0.0  # no negative zeros
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """Displacement (F + G, 15, 3) of the patches, or its rate, from the displacement (N, 3) of the nodes."""
+        """Displacement (F + G, 15, 3) of the patches, or its rate, from that (N, 3) of the N nodes of the finite
+        elements."""
         return self._with_package(self.faces.carried(nodal), np.zeros_like(self.package))
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """Rates of change of the patches' positions with a dimension of the pad; see :meth:`WallPatches.moved`.
+        """Velocities of the patches with a dimension of the pad; see :meth:`WallPatches.moved`.
 
         Parameters
         ----------
         parameter : str
-            Name of the dimension.
+            Name of the dimension of the pad.
         displacement : (N, 3) ndarray
-            Displacement of the nodes of the elements, in mm.
+            Displacement of the N nodes of the finite elements, in mm.
 
         Returns
         -------
         (F + G, 15, 3) ndarray
-            Velocities in mm per mm of the dimension.
+            Velocities of the nodes of F patches on walls and G on the package, in mm per mm of the dimension.
         """
         return self._with_package(self.faces.moved(parameter, displacement), np.zeros_like(self.package))
 

@@ -1,4 +1,4 @@
-"""Readings of diffuse cells without random numbers, where their error is small enough."""
+"""Readings of diffuse cells without random numbers, if their error is small enough."""
 
 from __future__ import annotations
 
@@ -34,14 +34,16 @@ MOST_HIDDEN = 3e-3
 
 
 class DeterministicLight(NamedTuple):
-    """Readings of all taxels.
+    """Readings of T taxels, computed without random numbers.
 
     Attributes
     ----------
     power, error : (T,) ndarray
-        Power and its error in W; the error is one standard deviation due to patches, quadrature and occluded paths.
+        Power on the phototransistors and its error, in W. The error is one standard deviation due to patches,
+        quadrature and occluded paths.
     deviation : (T,) ndarray or None
-        Deviation in W, as in `Readings`; None if no pad is loaded or it was not requested.
+        Change of the power on coarser finite elements, in W; see `Readings`. None if no pad is loaded or it was not
+        requested.
     """
 
     power: np.ndarray
@@ -52,24 +54,24 @@ class DeterministicLight(NamedTuple):
 def deterministic_light(
     scene: mi.Scene, mechanics_error: bool = True, patch_size: float | None = None
 ) -> DeterministicLight | None:
-    """Readings of a scene of diffuse cells, without random numbers.
+    """Compute the readings of a scene with diffuse cells, without random numbers.
 
-    The difference from a coarser solution gives the error of the light. The coarser solution also gives the changes of
-    readings with coarser finite elements.
+    The error of the light is estimated from the difference between a fine solution and a coarser solution. The coarser
+    solution is also used for the changes of readings on coarser finite elements.
 
     Parameters
     ----------
     scene : mi.Scene
         A loaded scene.
     mechanics_error : bool
-        Whether to read the pad on coarser finite elements as well.
+        Whether to compute the readings on coarser finite elements as well.
     patch_size : float, optional
-        In mm, as of `DiffuseCells`.
+        Size of the patches, in mm; see `DiffuseCells`.
 
     Returns
     -------
     DeterministicLight or None
-        None if the scene is of another kind, or its light is blocked too often.
+        The readings with their errors; None if the light needs random paths or walls occlude too much of it.
     """
     try:
         cells = DiffuseCells(scene, patch_size=patch_size)
@@ -106,8 +108,8 @@ def deterministic_light(
 
 
 def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> bool:
-    """Whether the walls of a cell touch a package, either without or after displacement by the deviations (N, 3) of the
-    nodes."""
+    """Whether the walls of a cell touch a package, either in the present shape or after a further displacement of the
+    nodes by one of ``deviations`` (N, 3)."""
     state, walls = cells.pad.state, cells.patches(number).faces
     if state.bodies is None:
         return False
@@ -118,17 +120,17 @@ def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...
 
 
 def reading_error(fine: Cell, coarse: float, cells: DiffuseCells, number: int) -> float:
-    """Standard deviation of a cell's reading by patches and quadrature.
+    """Error of a cell's reading due to patches and quadrature: one standard deviation.
 
-    It includes the errors of the integrals over the walls of the LED's power and of the light that the phototransistor
-    accepts.
+    It includes the errors of two integrals over the walls: of the LED's power, and of the light that the
+    phototransistor accepts.
 
     Parameters
     ----------
     fine : Cell
         The solution for the reading.
     coarse : float
-        Reading by the coarser solution, in W per W.
+        Reading from the coarser solution, in W per W of the LED.
     cells : DiffuseCells
         All cells of the scene.
     number : int
@@ -145,7 +147,8 @@ def reading_error(fine: Cell, coarse: float, cells: DiffuseCells, number: int) -
 
 
 class _SolvedCell(NamedTuple):
-    """Reading of a cell per W of its LED, its error, its changes with coarser elements, and its light paths."""
+    """Results of one cell, per W of its LED: the reading, its error, its changes on coarser finite elements, and the
+    flows of light between patches."""
 
     reading: float
     error: float
@@ -154,9 +157,11 @@ class _SolvedCell(NamedTuple):
 
 
 def _solved(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> _SolvedCell | None:
-    """The light in a cell, also with nodes displaced by deviations (N, 3).
+    """Compute the light in a cell, in its present shape and with the nodes displaced further by each of ``deviations``
+    (N, 3).
 
-    None if the coarser solution shows that the finer one would not resolve the light that a narrow response accepts.
+    The result is None if the coarser solution shows that even the finer solution would not resolve the light that a
+    phototransistor of narrow response accepts.
     """
     patches = cells.patches(number)
     at = patches.rest + patches.carried(cells.pad.state.displacement)

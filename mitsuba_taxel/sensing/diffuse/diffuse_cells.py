@@ -64,27 +64,28 @@ cache."""
 
 
 class NotFollowed(ComputationError):
-    """Light without random numbers would take too long, or too much of it is occluded."""
+    """Error: the computation of the light without random numbers would take too long, or walls occlude too much of the
+    light."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellWalls:
-    """The scattering walls of a cell, and the faces of its package.
+    """The patches of one cell, and the fractions of the incident light that they scatter.
 
     Attributes
     ----------
     number : int
         Number of the cell in its pad, from 1.
     faces : ndarray
-        Numbers of the mesh faces that define the patches: those of the cell or, in a built-in pad, of an equal cell.
+        Numbers of the mesh faces on the scattering walls: those of the cell or, in a built-in pad, of an equal cell.
     cuts : PatchCuts
-        The F patches into which they are cut.
+        The F patches into which these faces are cut.
     has_edges : bool
-        Whether they meet at sharp edges.
+        Whether the faces meet at sharp edges.
     package : (G, 15, 3) ndarray
-        Patches on the package.
+        Positions in mm of the 15 nodes of each of G patches on the package.
     isotropic, lambertian : (F + G,) ndarray
-        Fraction of the incident light that each patch scatters with this law.
+        Fractions of the incident light that each patch scatters isotropically, and by Lambert's law.
     """
 
     number: int
@@ -97,25 +98,26 @@ class CellWalls:
 
 
 class DiffuseCells:
-    """A loaded scene of one pad whose cells contain one taxel each.
+    """The cells of a loaded scene with one pad, each with one taxel and diffuse walls.
 
-    Patches for the light are the faces of a mesh of the default size, independent of the size of the finite elements.
-    In built-in pads, the faces of the cell with the fewest serve for all cells, so that pairs of points are computed
-    once.
+    The patches for the light are the faces of a mesh whose default size does not depend on the size of the finite
+    elements. In built-in pads, all cells use the faces of the cell with the fewest faces, so that the pairs of
+    quadrature points are computed once.
 
     Parameters
     ----------
     scene : mi.Scene
         A loaded scene.
     points : int
-        Points along a side of each phototransistor.
+        Number of quadrature points along each side of a phototransistor.
     patch_size : float, optional
         Size in mm of the patches for the light instead of the default.
 
     Raises
     ------
     NotDiffuse
-        with the reason, if the scene is of another kind, or other surfaces reflect light.
+        if the light of the scene needs random paths, for example because walls are not diffuse or other surfaces
+        reflect light; the message has the reason.
     NotFollowed
         if a cell has too many patches.
     """
@@ -152,7 +154,7 @@ class DiffuseCells:
         self._refuse_other_cells()
 
     def _into_pad(self, points: np.ndarray, is_direction: bool = False) -> np.ndarray:
-        """Points or unit directions in world coordinates, transformed to the frame of the pad."""
+        """Transform points, or unit directions, from world coordinates to the frame of the pad."""
         linear, shift = self.pad.to_world[:3, :3], self.pad.to_world[:3, 3]
         vectors = points if is_direction else points - shift
         in_pad = np.linalg.solve(linear, vectors.T).T
@@ -161,8 +163,8 @@ class DiffuseCells:
     def _cell(
         self, taxel: Taxel, fractions: dict[int, tuple[float, float]], scatters: np.ndarray, pad_cells: _PadCells
     ) -> CellWalls:
-        """Build the cell nearest to a taxel, from the scattering laws by region and the mesh faces (F,) that scatter
-        light."""
+        """Build the cell nearest to a taxel. ``fractions`` are the scattered fractions (isotropic, Lambertian) by code
+        of the region, and ``scatters`` marks the mesh faces that scatter light."""
         nearest = np.linalg.norm(pad_cells.centres - taxel.middle, axis=1).argmin()
         faces = np.flatnonzero(scatters & (self._mesh.face_cell == pad_cells.drawn[nearest]))
         if not len(faces):
@@ -187,8 +189,8 @@ class DiffuseCells:
         return CellWalls(number, faces, cuts, edged, package, *scattered.T)
 
     def _cuts(self, package: PackageFaces) -> np.ndarray:
-        """Numbers (R, 2) of parts into which the faces of a package are divided along their two sides: no part is
-        larger than the patches of walls."""
+        """Numbers (R, 2) of parts into which each of R rectangles of a package is divided along its two sides, so that
+        no part is larger than the patches of walls."""
         return package.faces.cuts(self.patch_size or self.pad.pad.default_mesh_size)
 
     def _refuse_other_cells(self) -> None:
@@ -209,7 +211,7 @@ class DiffuseCells:
                 raise NotDiffuse(f"the LED in cell {cell.number} lights walls of cell {surface.cell[hit][foreign][0]}")
 
     def _rays(self, start: np.ndarray, away: np.ndarray) -> mi.Ray3f:
-        """Rays in world coordinates, from points and along vectors in the frame of the pad."""
+        """Rays in world coordinates, for starting points and vectors given in the frame of the pad."""
         linear, shift = self.pad.to_world[:3, :3], self.pad.to_world[:3, 3]
         origin, direction = (
             mi.Vector3f(*(in_packets(component) for component in vectors.T))
@@ -218,12 +220,13 @@ class DiffuseCells:
         return mi.Ray3f(mi.Point3f(origin), direction)
 
     def occluded_fraction(self, sources: np.ndarray, ends: np.ndarray, fraction: np.ndarray) -> float:
-        """Fraction of a reading on segments of paths that are occluded by surfaces other than the package.
+        """Fraction of a reading whose light would travel along segments that a surface other than the package occludes.
 
         Parameters
         ----------
         sources, ends, fraction : ndarray
-            Segments and their fractions of the reading, as :meth:`Cell.flows` returns them.
+            Start points and end points of segments, and the fraction of the reading on each, as :meth:`Cell.flows`
+            returns them.
 
         Returns
         -------
@@ -244,7 +247,7 @@ class DiffuseCells:
         return float(fraction[occluded].sum())
 
     def _occluded(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """Mask (N,): whether anything but the package is between two points."""
+        """For each of N pairs of points, whether a surface other than the package lies between them, as a mask (N,)."""
         _, hit = self._first(start, end - start)
         occluded = hit.is_valid()
         for package in filter(is_package, self.scene.shapes()):
@@ -252,8 +255,8 @@ class DiffuseCells:
         return np.array(occluded)
 
     def _covered(self, start: np.ndarray, segment: np.ndarray, deepest: float) -> np.ndarray:
-        """Fractions (N, 1) of segments up to where they leave the silicone, if that is within ``deepest`` mm; else
-        0."""
+        """Fraction (N, 1) of each of N segments that lies within the silicone at its start; 0 if the segment does not
+        leave the silicone within ``deepest`` mm."""
         ray, hit = self._first(start, segment)
         normal = hit.compute_surface_interaction(ray, mi.RayFlags.Minimal).n
         leaves = hit.is_valid() & (hit.shape == mi.ShapePtr(self.pad)) & (dr.dot(ray.d, normal) > 0)
@@ -267,39 +270,39 @@ class DiffuseCells:
         return ray, self.scene.ray_intersect_preliminary(ray)
 
     def patches(self, number: int, elements: VolumeMesh | None = None) -> CellPatches:
-        """The undeformed walls of a cell and the faces of its package.
+        """Patches of the undeformed walls of a cell, and of its package.
 
         Parameters
         ----------
         number : int
             Index of the cell.
         elements : VolumeMesh, optional
-            Elements by whose displacement the walls move; those of the pad's state by default.
+            Finite elements whose displacement moves the walls; those of the pad's state by default.
 
         Returns
         -------
         CellPatches
-            Walls and faces in the frame of the pad.
+            Patches in the frame of the pad.
         """
         cell = self.cells[number]
         mesh, faces = elements or self.pad.state.mesh, tuple(cell.faces.tolist())
         return CellPatches(_patches(mesh, self._mesh, self.pad.pad, faces, cell.number), cell.cuts, cell.package)
 
     def light_mesh(self, number: int, degree: int) -> Mesh:
-        """The quadrature on the walls of a cell.
+        """Quadrature points on the patches of a cell, in pairs between which light is exchanged.
 
         Parameters
         ----------
         number : int
             Index of the cell.
         degree : int
-            Degree of the polynomials, 1 or 2.
+            Degree of the polynomials that approximate the light on each patch, 1 or 2.
 
         Returns
         -------
         Mesh
-            The quadrature. It is cached unless it is large, because its pairs of points take half the time of a
-            solution.
+            The quadrature. It is cached unless it is large, because the computation of its pairs of points takes half
+            the time of a solution.
         """
         pattern = self.patches(number).pattern
         if len(pattern) > MOST_KEPT:
@@ -308,24 +311,25 @@ class DiffuseCells:
             return _kept_mesh(pattern.tobytes(), degree)
 
     def cell_like(self, number: int, before: DiffuseCells) -> CellWalls:
-        """A cell after a parameter of the scene has changed, with its patches cut as before the change.
+        """A cell of this scene, which differs from another scene in one parameter, with its patches cut as in the other
+        scene.
 
         Parameters
         ----------
         number : int
             Index of the cell.
         before : DiffuseCells
-            The cells of the scene before the change.
+            The cells of the other scene, before the parameter changed.
 
         Returns
         -------
         CellWalls
-            Walls with the scattering and the package after the change.
+            Patches, with the scattered fractions and the package after the change.
 
         Raises
         ------
         NotDiffuse
-            if the patches are different.
+            if the patches of both scenes do not correspond.
         """
         cell, cell_before = self.cells[number], before.cells[number]
         package_before, package_after = before.taxels[number].package, self.taxels[number].package
@@ -345,7 +349,7 @@ class DiffuseCells:
         return CellWalls(cell.number, cell.faces, cell_before.cuts, cell.has_edges, package, *scattered.T)
 
     def error_factor(self, number: int) -> float:
-        """Factor by which the difference of two solutions is multiplied to give the error of a cell's light.
+        """Factor that converts the difference of two solutions to the error of a cell's light.
 
         The factors for kinks and for edges multiply: the error of a cylinder with both is 0.7 %, whereas the root of
         the sum of their squares would state 0.3 % (`taxel bench light`, number 102).
@@ -353,29 +357,30 @@ class DiffuseCells:
         return self.taxels[number].error_factor * (EDGED if self.cells[number].has_edges else 1.0)
 
     def quadrature_error(self, number: int) -> float:
-        """Relative error of a reading due to the quadrature, which is the same in all solutions."""
+        """Relative error of a reading due to the quadrature. It does not show in the difference of two solutions,
+        because both have the same quadrature."""
         cell = self.cells[number]
         if not cell.has_edges:
             return QUADRATURE
         return AT_ISOTROPIC_EDGES if cell.isotropic.any() else AT_EDGES
 
     def walls_alike(self, first: int, second: int) -> bool:
-        """Whether the walls of two cells, given by their indices, have patches with the same scattering."""
+        """Whether two cells, given by their indices, have the same numbers of patches with each scattered fraction."""
         fractions = (np.column_stack([self.cells[k].isotropic, self.cells[k].lambertian]) for k in (first, second))
         counts = [np.unique(rows, axis=0, return_counts=True) for rows in fractions]
         return all(np.array_equal(*pair) for pair in zip(*counts, strict=True))
 
     def solved(self, number: int, mesh: Mesh, positions: np.ndarray) -> Cell:
-        """The light in a cell.
+        """Solve the light in a cell.
 
         Parameters
         ----------
         number : int
             Index of the cell.
         mesh : Mesh
-            Mesh from :meth:`light_mesh`.
+            Quadrature from :meth:`light_mesh`.
         positions : (F + G, 15, 3) ndarray
-            Positions of its patches, in mm.
+            Positions of the 15 nodes of each patch, in mm: F patches on walls, then G on the package.
 
         Returns
         -------
@@ -402,17 +407,17 @@ def _pad_of(scene: mi.Scene) -> PadShape:
 
 @kept(4)
 def _mesh_of(pad: AnyPad, size: float) -> VolumeMesh:
-    """The mesh whose faces are the patches for the light."""
+    """The mesh of a pad whose faces are the patches for the light."""
     from mitsuba_taxel.mechanics.meshes import pad_mesh
 
     return pad_mesh(pad, size)
 
 
 class _PadCells(NamedTuple):
-    """The K cells of a pad.
+    """The K cells of a pad, and the mesh faces that they use as patches.
 
-    ``number`` (K,) are their numbers, and ``centres`` (K, 2) is in mm. ``drawn`` (K,) has, for each cell, the number of
-    the cell whose faces in the mesh are its patches.
+    ``number`` (K,) are the numbers of the cells, and ``centres`` (K, 2) their centres in mm. ``drawn`` (K,) is, for
+    each cell, the number of the cell whose mesh faces it uses.
     """
 
     number: np.ndarray
@@ -421,7 +426,7 @@ class _PadCells(NamedTuple):
 
 
 def _cells_of(mesh: VolumeMesh, pad: AnyPad, scatters: np.ndarray) -> _PadCells:
-    """The cells of a pad; ``scatters`` (F,) are the faces of the mesh that scatter light."""
+    """The cells of a pad; the mask ``scatters`` marks the faces of the mesh that scatter light."""
     if isinstance(pad, Pad):
         centres = np.array(pad.cell_centres)
         fewest = np.bincount(mesh.face_cell[scatters], minlength=1 + len(centres))[1:].argmin()
@@ -443,7 +448,8 @@ def _have_edges(mesh: VolumeMesh, pad: AnyPad, faces: tuple[int, ...]) -> bool:
 def _patches(
     elements: VolumeMesh, walls: VolumeMesh, pad: AnyPad, faces: tuple[int, ...], cell: int
 ) -> WallPatches:
-    """Patches on faces of a mesh; cached for the states of a path, as their points are located in the elements."""
+    """Patches on faces of a mesh. They are cached for all states of a load path, because their nodes must be located in
+    the finite elements."""
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
     return WallPatches(elements, walls, pad, np.array(faces), cell, LATTICE)
@@ -451,22 +457,24 @@ def _patches(
 
 @kept(20)
 def _kept_mesh(pattern: bytes, degree: int) -> Mesh:
-    """Quadrature on patches (F, 15, 3), cached for other cells and states of the pad."""
+    """Quadrature on F patches (F, 15, 3), cached for equal cells and for other states of the pad."""
     return Mesh(np.frombuffer(pattern).reshape(-1, len(LATTICE), 3), degree)
 
 
 @kept(80)
 def kept_cell(mesh: Mesh, arguments: bytes) -> Cell:
-    """A solved cell, cached for the derivatives of a reading, and for studies that read a scene again.
+    """Solve the light in a cell; the result is cached for the derivatives of the reading, and for studies that read a
+    scene again.
 
-    The cache has room for three states of nine cells, which the search for steps and meshes has already solved.
+    The cache holds three states of nine cells, which studies have already solved while they choose load steps and
+    meshes.
 
     Parameters
     ----------
     mesh : Mesh
-        Quadrature on its walls.
+        Quadrature on the patches of the cell.
     arguments : bytes
-        Pickled other arguments of :class:`Cell`.
+        The other arguments of :class:`Cell`, pickled.
 
     Returns
     -------
@@ -477,12 +485,13 @@ def kept_cell(mesh: Mesh, arguments: bytes) -> Cell:
 
 
 def _with_package(of_walls: np.ndarray, of_package: np.ndarray) -> np.ndarray:
-    """(F + G, 2) fractions scattered isotropically and by Lambert's law, from (F, 2) of walls and (G,) of a package."""
+    """Fractions (F + G, 2) scattered isotropically and by Lambert's law, from those (F, 2) of F patches on walls and
+    those (G,) of G patches on a package, which scatters by Lambert's law."""
     return np.concatenate([of_walls, np.column_stack([np.zeros_like(of_package), of_package])])
 
 
 def _hemisphere(count: int) -> np.ndarray:
-    """Directions (N, 3) around +z, evenly distributed on a spiral."""
+    """``count`` unit directions (N, 3) in the hemisphere around +z, evenly distributed on a spiral."""
     z = (np.arange(count) + 0.5) / count
     turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
     across = np.sqrt(1 - z**2)
@@ -490,6 +499,6 @@ def _hemisphere(count: int) -> np.ndarray:
 
 
 def _frame(normal: np.ndarray) -> np.ndarray:
-    """Rows (3, 3): two directions across a normal, and the normal."""
+    """Orthonormal axes as rows (3, 3): two tangential directions, and the normal."""
     across = np.linalg.svd(normal[None])[2][1:]
     return np.concatenate([across, normal[None]])

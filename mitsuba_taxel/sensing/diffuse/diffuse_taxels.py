@@ -1,4 +1,4 @@
-"""LEDs and phototransistors of diffuse cells, with their packages, as ends of light paths without random numbers."""
+"""LEDs and phototransistors of diffuse cells, with their packages, for light without random numbers."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ IntoPad = Callable[..., np.ndarray]
 
 
 class NotDiffuse(InputError):
-    """The scene needs random paths."""
+    """Error: the light of the scene needs random paths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,8 @@ class Taxel:
 
     @property
     def error_factor(self) -> float:
-        """Factor of the error of the light due to the laws of the taxel; see :meth:`DiffuseCells.error_factor`."""
+        """Factor of the error of the light due to the angular laws of LED and phototransistor; see
+        :meth:`DiffuseCells.error_factor`."""
         return KINKED if self.led.law.has_kinks or self.phototransistor.law.has_kinks else 1.0
 
     @property
@@ -83,7 +84,7 @@ class PackageFaces:
     Attributes
     ----------
     faces : BoxFaces
-        R rectangles.
+        The R rectangles into which the package is divided.
     fractions : (R,) ndarray
         Fraction of the incident light that each rectangle scatters.
     """
@@ -92,17 +93,17 @@ class PackageFaces:
     fractions: np.ndarray
 
     def cut(self, cuts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Patches on the faces.
+        """Divide the faces into patches with 15 nodes each.
 
         Parameters
         ----------
         cuts : (R, 2) ndarray
-            Numbers of parts along both sides of each face; see :meth:`BoxFaces.cuts`.
+            Numbers of parts along both sides of each of the R rectangles; see :meth:`BoxFaces.cuts`.
 
         Returns
         -------
         positions : (G, 15, 3) ndarray
-            Positions of the patches, in mm.
+            Positions of the nodes of G patches, in mm.
         fraction : (G,) ndarray
             Fraction of the incident light that each patch scatters.
         """
@@ -115,7 +116,7 @@ def scattered_fractions(wall: mi.BSDF) -> tuple[float, float]:
     Parameters
     ----------
     wall : mi.BSDF
-        Wall of a surface.
+        BSDF of the wall.
 
     Returns
     -------
@@ -125,7 +126,7 @@ def scattered_fractions(wall: mi.BSDF) -> tuple[float, float]:
     Raises
     ------
     NotDiffuse
-        if it reflects light in any other way.
+        if the wall scatters light by any other law.
     """
     if not is_wall(wall):
         raise NotDiffuse(f"a surface is a {kind_of(wall)}, not a wall")
@@ -144,16 +145,16 @@ def scattered_fractions(wall: mi.BSDF) -> tuple[float, float]:
 
 
 def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int) -> list[Taxel]:
-    """The taxels of an array of LEDs and phototransistors, in the frame of a pad.
+    """Convert an array of LEDs and phototransistors to taxels in the frame of a pad.
 
     Parameters
     ----------
     pair : TaxelPair
-        The array.
+        The array of LEDs and phototransistors.
     into_pad : IntoPad
         Transformation from world coordinates to the frame of the pad.
     scale : float
-        Scale of the pad in the scene.
+        Scale of the pad in the scene: length in the scene per length in the frame of the pad.
     points : int
         Points along a side of each phototransistor.
 
@@ -165,7 +166,7 @@ def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int
     Raises
     ------
     NotDiffuse
-        with the reason, if an angular law, or the scattering of a package, needs random paths.
+        if an angular law, or the scattering of a package, needs random paths; the message has the reason.
     """
     if pair.is_below_windows:
         raise NotDiffuse("LED and phototransistor lie below windows, where light is bent")
@@ -198,7 +199,7 @@ def diffuse_taxels(pair: TaxelPair, into_pad: IntoPad, scale: float, points: int
 
 
 def _bodies(pair: TaxelPair, into_pad: IntoPad, scale: float) -> list[Box | None]:
-    """The packages at whose tops the LEDs lie, as boxes in the frame of the pad; None without packages."""
+    """For each LED, the package in whose top it lies, as a box in the frame of the pad; None without packages."""
     package, faces = pair.led.get_shape(), pair.led.faces
     centres = np.array(faces.centres, dtype=float).T
     if not is_package(package):
@@ -233,7 +234,7 @@ def _scattering_faces(pair: TaxelPair, body: Box | None) -> PackageFaces | None:
 
 
 def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw, into_pad: IntoPad) -> list[End]:
-    """LEDs or phototransistors with these faces, from points and weights of a rule around each centre."""
+    """LEDs or phototransistors as quadrature points and weights: those of a rule, around the centre of each face."""
     axes = np.stack([np.array(axis, dtype=float).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     offsets, weights = rule
     around = offsets @ axes[:2]
@@ -243,7 +244,7 @@ def _ends(faces: FaceGrid, rule: tuple[np.ndarray, np.ndarray], law: AngularLaw,
 
 
 def _law_of_led(led: LedEmitter) -> AngularLaw:
-    """Fraction of the power of an LED per solid angle."""
+    """Angular law of an LED: the fraction of its power per solid angle."""
     specification = led.specification
     if led.table is not None:
         return _tabulated(led.table, "the LED's law")
@@ -262,7 +263,7 @@ def _law_of_led(led: LedEmitter) -> AngularLaw:
 
 
 def _law_of_phototransistor(sensor: PhototransistorSensor) -> AngularLaw:
-    """Response of a phototransistor, relative to that of an ideal one."""
+    """Angular law of a phototransistor: its response relative to that of an ideal phototransistor."""
     specification = sensor.specification
     if sensor.table is not None:
         cosines, values = sensor.table
@@ -278,7 +279,8 @@ def _law_of_phototransistor(sensor: PhototransistorSensor) -> AngularLaw:
 
 
 def _tabulated(table: tuple[np.ndarray, np.ndarray], what: str) -> AngularLaw:
-    """A law from cosines and values; refused if it is steep relative to its spread."""
+    """Angular law from a table of cosines and values; raises `NotDiffuse` if the law falls steeply relative to its
+    spread."""
     law = TabulatedLaw(*table)
     if law.spread > STEEPEST * law.width(np.ones(1)):
         raise NotDiffuse(f"{what} falls within a small part of its {np.degrees(law.spread):.2g} degrees")

@@ -1,4 +1,5 @@
-"""Cells that are equal by a symmetry of the pad and its deformation, of which only the first is solved."""
+"""Groups of cells that are equal by a symmetry of the pad and its deformation; only the first cell of each group is
+solved."""
 
 from __future__ import annotations
 
@@ -25,21 +26,22 @@ PLACED = 1e-6
 def equal_cells(
     cells: DiffuseCells, state: State, fields: Sequence[np.ndarray], errors: Sequence[np.ndarray] = ()
 ) -> list[int]:
-    """For each cell, the index of the first cell that equals it.
+    """For each cell, find the index of the first cell that is its mirror image, so that both have the same reading.
 
     Parameters
     ----------
     cells : DiffuseCells
         All cells of a scene.
     state : State
-        State of the pad, on any elements.
+        State of the pad, on any mesh.
     fields, errors : Sequence[ndarray]
-        Vectors (N, 3) at its nodes, on which the results of cells, and their errors, depend.
+        Vectors (N, 3) at the N nodes of this mesh on which the results of cells (``fields``) and their errors
+        (``errors``) depend, such as displacements.
 
     Returns
     -------
     list[int]
-        The index of a cell itself if no earlier cell equals it.
+        Index for each cell; that of the cell itself if no earlier cell is equal.
     """
     from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 
@@ -63,7 +65,8 @@ def equal_cells(
 
 
 def equal_at_rest(cells: DiffuseCells) -> list[int]:
-    """As :func:`equal_cells`, for a pad without a load, whose built-in cells differ by translations only.
+    """For each cell of an unloaded pad, find the index of the first cell that equals it up to a translation, so that
+    both have the same reading.
 
     Parameters
     ----------
@@ -73,7 +76,7 @@ def equal_at_rest(cells: DiffuseCells) -> list[int]:
     Returns
     -------
     list[int]
-        For each cell, the index of the first cell that equals it.
+        Index for each cell; that of the cell itself if no earlier cell is equal.
     """
     first = list(range(len(cells.taxels)))
     if not isinstance(cells.pad.pad, Pad):
@@ -99,7 +102,7 @@ def equal_at_rest(cells: DiffuseCells) -> list[int]:
 
 
 def _shifted(shift: np.ndarray, end: End, origin: End, bound: float) -> bool:
-    """Whether an end equals another end, its origin, translated by ``shift`` (3,)."""
+    """Whether an LED or phototransistor ``end`` equals another, ``origin``, translated by ``shift`` (3,)."""
     if end.law != origin.law or end.points.shape != origin.points.shape:
         return False
     alike = _close(end.weights, origin.weights) and _close(end.normal, origin.normal)
@@ -107,7 +110,8 @@ def _shifted(shift: np.ndarray, end: End, origin: End, bound: float) -> bool:
 
 
 def _mirrored(mirror: Mirror, end: End, origin: End) -> bool:
-    """Whether an end is the mirror image of the end ``origin``, judged by mean and spread of its points."""
+    """Whether an LED or phototransistor ``end`` is the mirror image of another, ``origin``, judged by mean and spread
+    of its quadrature points."""
     image = mirror.image(origin.points)
     if not _close(end.points.mean(axis=0), image.mean(axis=0)):
         return False
@@ -118,7 +122,7 @@ def _mirrored(mirror: Mirror, end: End, origin: End) -> bool:
 
 
 def _same_size(first: Box | None, second: Box | None) -> bool:
-    """Whether packages, which move with their LEDs, have the same size."""
+    """Whether two packages have the same size, or both are None; their positions follow from those of their LEDs."""
     return first is second is None or (first is not None and second is not None and _close(first.half, second.half))
 
 

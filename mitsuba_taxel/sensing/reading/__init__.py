@@ -1,5 +1,6 @@
-"""Readings and their components: random paths in increments, errors by source, cost, further results.
+"""Readings of phototransistors: traced by random paths in increments, with errors by source, computing time and results
+of pads.
 
-Input: prepared scenes. Output: `Readings`, with all known errors, and notes on unknown errors. `sensing.targets` and
-`sensing.measurement` choose mesh, number of points and engine.
+Input: prepared scenes. Output: `Readings` with all known errors, and notes on errors that are unknown.
+`sensing.targets` and `sensing.measurement` choose mesh, number of points and engine.
 """

@@ -1,4 +1,4 @@
-"""A first contact as numbers."""
+"""Value of the load at which a pad first touches itself, the board or a package."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class FirstContact:
-    """A first contact.
+    """The value of a load parameter at which a pad first touches itself, the board or a package.
 
     Attributes
     ----------
     value : float
-        Value of the parameter that changes with the load. Without contact, it is the furthest requested value, or the
-        value at which the pad becomes unstable or its path ends for another reason.
+        Value of the load parameter at the first contact, in the unit of the parameter. Without contact, it is the
+        furthest requested value, or the value at which the pad becomes unstable or the load path ends for another
+        reason.
     rates : (P,) ndarray
-        Derivatives of ``value`` with respect to other parameters; 0 if it is the furthest requested value, NaN if the
-        path ends for another reason.
+        Derivatives of ``value`` with respect to P other parameters; 0 if the furthest requested value is reached, NaN
+        if the path ends for a reason other than contact or instability.
     touched : str
-        Object that the pad touches: ``itself``, ``the board`` or ``a package``; empty if there is no contact.
+        Object that the pad touches: ``itself``, ``the board`` or ``a package``; empty without contact.
     ended : str
-        Reason why the path ends without contact, such as an instability; empty if it does not.
+        Reason why the load path ends without contact, such as an instability; empty if it does not.
     """
 
     value: float

@@ -1,4 +1,4 @@
-"""Bounds on the power of phototransistors that no path has reached."""
+"""Bounds on the power of phototransistors that no light path has reached."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ _WITH_HITS = ("all", "unidirectional_hits")
 
 
 def dark_errors(scene: mi.Scene, integrator: mi.Integrator, paths: int, taxels: int) -> np.ndarray:
-    """Stated errors (T,), in W, of taxels for which none of ``paths`` paths found light: one standard deviation.
+    """Stated error in W of each taxel whose phototransistor none of ``paths`` light paths reached: one standard
+    deviation.
 
-    Let P be the power of the LED, and w P the largest power that a path can contribute. If paths contribute p on
-    average, each contributes light with a probability of at least p / (w P). Without emission guiding w is 1; with it,
-    w is larger.
+    Let P be the power of the LED, and w P the largest power that a single path can contribute. If the reading is p,
+    each path contributes light with a probability of at least p / (w P). The weight w is 1 without emission guiding,
+    and larger with it.
 
     Returns
     -------
     (T,) ndarray
-        0 where no light can arrive, because the LED has no power or all walls absorb and there is no direct light. NaN
-        if the power of the integrator's paths has no bound.
+        Error of each of the T taxels. It is 0 where no light can arrive, because the LED has no power or because all
+        walls absorb and there is no direct light. It is NaN if the power of the integrator's paths has no bound.
     """
     if not traces_taxels(integrator):
         return np.full(taxels, np.nan)
@@ -40,7 +41,7 @@ def dark_errors(scene: mi.Scene, integrator: mi.Integrator, paths: int, taxels: 
 
 
 def may_be_lit(scene: mi.Scene, integrator: mi.Integrator) -> bool:
-    """Whether more paths could bring light to a taxel."""
+    """Whether light could reach a taxel if more paths were traced."""
     return bool(np.any(dark_errors(scene, integrator, 1, 1) > 0))
 
 
@@ -55,6 +56,6 @@ def _of_pair(scene: mi.Scene, integrator: mi.Integrator, pair: TaxelPair, paths:
 
 
 def _releases_as_leds_shine(integrator: mi.Integrator) -> bool:
-    """Whether paths start at the LED and count where they hit the phototransistor."""
+    """Whether paths start at the LED and are counted only where they hit the phototransistor."""
     made = integrator.specification
     return isinstance(made, AnalogTracer) or isinstance(made, TaxelTracer) and made.strategy in _WITH_HITS

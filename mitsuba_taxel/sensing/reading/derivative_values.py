@@ -1,4 +1,4 @@
-"""Derivatives of the readings of all taxels, as numbers with units and errors."""
+"""Derivatives of the readings of all taxels with respect to parameters, with units and errors."""
 
 from __future__ import annotations
 
@@ -22,33 +22,35 @@ BY_CURVE = "curve through readings"
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """Derivatives of the readings of all taxels.
+    """Derivatives of the readings of T taxels with respect to P parameters.
 
     Attributes
     ----------
     parameters : tuple[str, ...]
-        Names, in the order of the columns.
+        Names of the P parameters, in the order of the columns of ``values``.
     units : tuple[str, ...]
         Units of the derivatives, such as W/N.
     values : (T, P) ndarray
+        Derivative of each taxel's reading with respect to each parameter, in ``units``.
     standard_errors : (T, P) ndarray
-        One standard deviation, due to the light (patches of finite size and occluded light, or noise, steps of
-        differences and facets) and to finite elements; NaN if unknown.
+        Standard errors of ``values`` due to the light and the finite elements; NaN if unknown. The error of the light
+        is due to patches of finite size and occluded light or, with random paths, to noise, the step of the difference
+        and facets.
     power : (T,) ndarray
-        Readings by the same method, in W.
+        Readings by the method of the derivatives, in W.
     power_errors : (T,) ndarray
-        Standard deviation of these readings by the same causes. With random paths it is that of their noise alone,
-        because the readings state the other errors.
+        Standard errors of ``power`` due to the same causes, in W. With random paths, they contain the noise only,
+        because the other errors are stated with the readings.
     strain : float
-        Largest principal strain of the silicone, stretch - 1: its mean over the most strained hundredth of the volume.
+        Largest principal strain of the silicone (stretch - 1), averaged over the most strained hundredth of its volume.
     strain_rates : (P,) ndarray
-        Derivatives of the largest strain.
+        Derivatives of ``strain`` with respect to each parameter.
     clearance : float
         Least distance between cells and packages, in mm; NaN without packages.
     clearance_rates : (P,) ndarray
-        Derivatives of the clearance.
+        Derivatives of ``clearance`` with respect to each parameter.
     method : str
-        Method by which they were computed: ``without random numbers``, or ``differences of random paths``.
+        Method of computation: ``without random numbers``, or ``differences of random paths``.
     """
 
     parameters: tuple[str, ...]
@@ -72,7 +74,8 @@ class Derivatives:
         return np.arange(1, len(self.values) + 1)
 
     def to_xarray(self) -> xarray.Dataset:
-        """``value``, ``standard_error`` and ``unit`` by ``taxel`` and ``parameter``.
+        """The derivatives as a labelled dataset: ``value``, ``standard_error`` and ``unit`` by ``taxel`` and
+        ``parameter``.
 
         Returns
         -------
@@ -89,12 +92,12 @@ class Derivatives:
         )
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """The derivatives one by one.
+        """Iterate over the derivatives, taxel by taxel within each parameter.
 
         Yields
         ------
         dict[str, Any]
-            With the keys taxel, parameter, value, standard_error, unit and method; parameters one after the other.
+            One derivative, with the keys taxel, parameter, value, standard_error, unit and method.
         """
         for parameter, unit, values, errors in zip(
             self.parameters, self.units, self.values.T, self.standard_errors.T, strict=True
@@ -127,7 +130,8 @@ def unit_of(parameter: str) -> str:
 
 
 def derivatives_text(derivatives: Derivatives, width: int | None = None) -> str:
-    """Derivatives of each taxel's reading, each with its standard error.
+    """Derivatives of the readings as text: a table with a row for each taxel, and each derivative with its standard
+    error.
 
     Parameters
     ----------
@@ -147,8 +151,8 @@ def derivatives_text(derivatives: Derivatives, width: int | None = None) -> str:
 
 
 def derivative_columns(derivatives: Derivatives) -> dict[str, list[str]]:
-    """Columns of a table by heading, a row for each taxel: the derivative with respect to each parameter, and its
-    error."""
+    """Columns of a table with a row for each taxel: the derivative with respect to each parameter, and its standard
+    error. The keys are the headings."""
     columns = {"taxel": [str(taxel) for taxel in derivatives.taxel]}
     of_parameters = zip(
         derivatives.parameters, derivatives.units, derivatives.values.T, derivatives.standard_errors.T, strict=True

@@ -1,11 +1,12 @@
-"""Error of readings due to the facets of curved walls and of random heights.
+"""Error of readings due to the flat triangles (facets) of curved walls and of walls with random heights.
 
-Light is traced once more with inscribed triangles. The triangles used for readings match the walls on average: the
-remaining error is of the same order in their size as this correction, and a small part of it. This holds if light falls
-on many triangles, whose tilts cancel out; for narrow beams, tilts are a separate error.
+The triangles used for readings match the curved walls on average. To estimate the remaining error, light is traced
+again with inscribed triangles (chords). The error is of the same order in the triangle size as this change, and is
+stated as a small fraction of it. This holds if light falls on many triangles, whose tilts cancel out; for narrow beams,
+the tilts are a separate error.
 
-Random heights lose part of their slopes, as triangles are plane between vertices; light is traced once more with a
-multiple of that loss.
+Walls with random heights lose part of their slopes, because triangles are plane between vertices. Light is traced again
+with a multiple of this loss.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ def curved_pads(scene: mi.Scene) -> list[PadShape]:
 
 @contextmanager
 def with_chords(scene: mi.Scene) -> Iterator[None]:
-    """Temporarily replace the triangles of curved walls by chords."""
+    """Context manager: replace the triangles of curved walls by inscribed triangles (chords), and restore them
+    afterwards."""
     pads = curved_pads(scene)
     with stages.stage("load"):
         chords = [pad.chords() for pad in pads]
@@ -49,7 +51,8 @@ def with_chords(scene: mi.Scene) -> Iterator[None]:
 
 @contextmanager
 def with_blunt_heights(scene: mi.Scene) -> Iterator[None]:
-    """Temporarily make random heights of walls less steep, by `1 / FACETS_SHARE` times the loss due to triangles."""
+    """Context manager: reduce the slopes of random heights by `1 / FACETS_SHARE` times the loss due to triangles, and
+    restore them afterwards."""
     with stages.stage("load"):
         blunt = [(pad, pad.blunt_heights()) for pad in deformed_pads(scene)]
     rough = [(pad, places) for pad, places in blunt if places is not None]
@@ -58,7 +61,7 @@ def with_blunt_heights(scene: mi.Scene) -> Iterator[None]:
 
 
 def has_random_heights(scene: mi.Scene) -> bool:
-    """Whether walls have random heights, between which triangles are linear."""
+    """Whether any pad of a scene has walls with random heights that triangles represent approximately."""
     pads = [pad for pad in deformed_pads(scene) if pad.finish is not None]
     if not pads:
         return False
@@ -68,24 +71,25 @@ def has_random_heights(scene: mi.Scene) -> bool:
 
 
 def tilt_share(scene: mi.Scene) -> float:
-    """Relative error of readings because flat triangles are tilted against the curved walls that they replace.
+    """Relative error of readings due to the tilt of flat triangles against the curved walls that they replace.
 
-    The tilt is the angle between the normals of triangle and wall, and is zero on average over each triangle. So its
-    effect cancels under even light, but not where a spot covers a part of a triangle or only a few triangles. Rays give
-    the mean tilt over the light of an LED, and over the area that a phototransistor sees. Power that is scattered by
-    Lambert's law changes by the tilt times the tangent of its angle; that of isotropic walls does not change. Triangles
-    of mirrors have the normals of their walls, and no tilt.
+    The tilt is the angle between the normals of triangle and wall. Its mean over each triangle is zero, so that its
+    effect cancels under even illumination, but not if a spot covers a part of a triangle or only a few triangles. Rays
+    give the mean tilt over the light of an LED, and over the area that a phototransistor sees. Power scattered by
+    Lambert's law changes by the tilt times the tangent of the scattering angle; power scattered by isotropic walls does
+    not change. Mirrors have no tilt, because their triangles carry the normals of the walls.
 
     Returns
     -------
-    One standard deviation, the root mean square over the cells.
+    float
+        One standard deviation, without unit: the root mean square over the cells.
     """
     ends = (scene.emitters(), scene.sensors())
     return TANGENT * math.sqrt(sum(np.mean([_square_share(scene, end) for end in kind]) for kind in ends))
 
 
 def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
-    """Mean square of the relative error, over the faces of LEDs or phototransistors."""
+    """Mean square of the relative error due to tilt, over the faces of an array of LEDs or phototransistors."""
     from mitsuba_taxel.geometry.surfaces.triangles import area_normals, unit  # a plate has no use for it
 
     x, y, z, w = (mi.Float((0.5 + np.arange(RAYS) * LATTICE**-k) % 1.0) for k in range(1, 5))
@@ -107,7 +111,8 @@ def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
 
 
 def _turning(pad: PadShape) -> np.ndarray:
-    """Fraction (regions,) of the light of each region that turns with the normal of its wall, by code of the region."""
+    """Fraction of the scattered light of each region whose direction follows the normal of the wall, indexed by the
+    code of the region."""
     wall = pad.bsdf()
     walls = wall.walls if is_region(wall) else dict.fromkeys(REGIONS, wall)
     turning = np.ones(max(REGIONS.values()) + 1)

@@ -1,4 +1,4 @@
-"""Notes on the finishes of cells' walls, with the numbers that describe them."""
+"""Notes on the finishes (textures) of cells' walls, with their parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ _START = "finish of "
 
 
 def finish_notes(scene: mi.Scene) -> list[str]:
-    """The finishes of the cells of a scene, such as "finish of roof and side: layer_steps, layer_height = 0.1 mm".
+    """Describe the finishes (textures) of the cells of a scene, such as "finish of roof and side: layer_steps,
+    layer_height = 0.1 mm".
 
     Parameters
     ----------
@@ -43,7 +44,8 @@ def finish_notes(scene: mi.Scene) -> list[str]:
 
 
 def _words(finish: Finish) -> str:
-    """The kind of a finish, its required parameters, and parameters that differ from the default."""
+    """The kind of a finish, its required parameters, and those of its other parameters that differ from their
+    defaults."""
     from mitsuba_taxel.specification.deformable_pad import FINISHES  # scenes without a finish need no pads
 
     words = [next(word for word, kind in FINISHES.items() if kind is type(finish))]
@@ -56,7 +58,7 @@ def _words(finish: Finish) -> str:
 
 
 def merged_finishes(notes: Iterable[str]) -> list[str]:
-    """Notes on many readings, with one line for all finishes of a wall.
+    """Merge the notes of many readings: all finishes of one wall are listed in one line.
 
     Parameters
     ----------

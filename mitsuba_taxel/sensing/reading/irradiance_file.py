@@ -13,7 +13,8 @@ from mitsuba_taxel.sensing import Readings
 
 
 def write_irradiance(readings: Readings, file: Path) -> None:
-    """Write an irradiance map: one channel ``irradiance`` in W/mm2, one block of pixels for each taxel.
+    """Write the irradiance map of readings as an OpenEXR file: one channel ``irradiance`` in W/mm2, with a block of
+    pixels for each taxel.
 
     The header holds ``units``, ``seed``, ``points``, ``replicates`` and, as JSON, ``parameters``.
 

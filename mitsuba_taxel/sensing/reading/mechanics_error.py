@@ -1,7 +1,9 @@
-"""Error of readings due to the mechanics: light is traced again through pads displaced by each component of this error.
+"""Error of readings due to the finite elements: light is traced again in pads that are displaced by each component of
+the error of their shape.
 
-All traces have the same random numbers, so that few points resolve a small change. A reading may rise with one
-component and fall with another. Their sizes are known but not their signs, so that a sum could cancel by chance.
+All traces use the same random numbers, so that few points resolve a small change. A reading may rise with one component
+and fall with another. The sizes of the components are known but their signs are not: added up, their effects could
+cancel by chance. Each component is therefore traced separately.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def roof_errors(scene: mi.Scene) -> list[RoofError | None]:
-    """Error of the mechanics of each loaded pad.
+    """Finite-element error of the shape of each loaded pad.
 
     Parameters
     ----------
@@ -34,29 +36,30 @@ def roof_errors(scene: mi.Scene) -> list[RoofError | None]:
     Returns
     -------
     list[RoofError or None]
-        Errors of the pads in the order of the scene; None if unknown.
+        Errors of the roofs of each pad, in the order of the scene; None if unknown.
     """
     with stages.stage("mechanics"):
         return [pad.state.error for pad in loaded_pads(scene)]
 
 
 def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray | None]:
-    """Powers, and their changes by the components of the deviation of coarser finite elements.
+    """Trace the powers of a scene, and their changes if the pads have the shape that coarser finite elements give.
 
     Parameters
     ----------
     scene : mi.Scene
         Scene with a loaded pad; its pads are restored on return.
     powers : Callable[[], ndarray]
-        Traces the present scene, always with the same random numbers, and returns powers (R, T) in W.
+        Traces the present scene, always with the same random numbers, and returns the powers (R, T) in W of T taxels in
+        R replicates.
 
     Returns
     -------
     before : (R, T) ndarray
-        Powers in W.
+        Powers in W with the pads unchanged.
     changes : (C, R, T) ndarray or None
-        Changes in W by two components of the deviation, and by a third if a pad has mirrors; None if the error of a pad
-        is unknown.
+        Changes of the powers in W by each of C components of the change of shape: two, or three if a pad has mirrors.
+        None if the error of a pad is unknown.
     """
     pads = loaded_pads(scene)
     with stages.stage("mechanics"):
@@ -76,13 +79,13 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
 
 
 def combined(changes: np.ndarray) -> np.ndarray:
-    """The root of the sum of the squares of changes (C, ...), with the sign of the first."""
+    """Root of the sum of the squares of C changes (C, ...) over the first axis, with the sign of the first change."""
     return np.copysign(np.linalg.norm(changes, axis=0), changes[0])
 
 
 @contextmanager
 def moved(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> Iterator[None]:
-    """Move the vertices of pads within a block.
+    """Context manager: move the vertices of pads, and restore them afterwards.
 
     Parameters
     ----------
@@ -91,12 +94,12 @@ def moved(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> 
     pads : Sequence[PadShape]
         Pads whose vertices move.
     surfaces : list[Places]
-        Vertices of each pad within the block.
+        Positions of the vertices of each pad within the ``with`` block.
 
     Yields
     ------
     None
-        With the vertices moved; they are restored afterwards.
+        Nothing; the vertices are moved within the ``with`` block.
     """
     with restored(scene, pads):
         move(scene, pads, surfaces)
@@ -105,19 +108,19 @@ def moved(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> 
 
 @contextmanager
 def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
-    """Restore the vertices of pads after a block.
+    """Context manager: restore the vertices of pads after the ``with`` block, whatever it moves.
 
     Parameters
     ----------
     scene : mi.Scene
         Scene that holds the pads.
     pads : Sequence[PadShape]
-        Pads that the block may move.
+        Pads whose vertices the block may move.
 
     Yields
     ------
     None
-        Nothing; the vertices are unchanged within the block.
+        Nothing; the vertices are not yet moved when the block begins.
     """
     before = [places_of(pad)._replace(region=pad.changing_region()) for pad in pads]
     try:
@@ -136,7 +139,7 @@ def move(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> N
     pads : Sequence[PadShape]
         Pads whose vertices move.
     surfaces : list[Places]
-        New vertices of each pad.
+        New positions of the vertices of each pad.
     """
     with stages.stage("load"):
         for pad, surface in zip(pads, surfaces, strict=True):

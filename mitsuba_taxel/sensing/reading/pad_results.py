@@ -1,4 +1,5 @@
-"""Results of deformed pads beside readings: one entry each, from which studies, tables and reports take them."""
+"""Results of deformed pads that are not readings, such as the largest strain. Each is stated once, in a list from which
+studies, tables and reports take it."""
 
 from __future__ import annotations
 
@@ -14,21 +15,22 @@ if TYPE_CHECKING:  # the list is read in scenes without a pad, too
 
 
 class Estimate(NamedTuple):
-    """A value and its error, one standard deviation; NaN if unknown."""
+    """A value and its error, one standard deviation; either is NaN if unknown."""
 
     value: float
     error: float
 
 
 class PadResult(NamedTuple):
-    """A number that is computed from the state of a pad.
+    """Definition of a number that is computed from the state of a pad.
 
     Attributes
     ----------
     name, unit, meaning : str
         Name, unit and meaning, as in tables.
     of : Callable[[State, bool], Estimate]
-        Computes the number; without its error if the second argument is False, because a second mesh may be expensive.
+        Computes the number and its error. If the second argument is False, the error is NaN, because it may need a
+        second mesh.
     """
 
     name: str
@@ -38,8 +40,8 @@ class PadResult(NamedTuple):
 
 
 def _largest_strain(state: State, with_error: bool) -> Estimate:
-    """The largest strain of a state. Its error is that of the finite elements: the change of the strain by both parts
-    of the deviation of coarser elements."""
+    """The largest strain of a state, with its error due to the finite elements: a fixed fraction of the change of the
+    strain on coarser elements."""
     from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
     if not state.displacement.any():
@@ -53,7 +55,7 @@ def _largest_strain(state: State, with_error: bool) -> Estimate:
 
 
 class ReactionResult(NamedTuple):
-    """A number that is computed from the forces of a bonded plate or an indenter on a pad.
+    """Definition of a number that is computed from the force of a bonded plate or an indenter on a pad.
 
     Attributes
     ----------
@@ -62,7 +64,7 @@ class ReactionResult(NamedTuple):
     of : Callable[[Reactions], float]
         Computes the number.
     error_of : Callable[[Reactions], float]
-        Computes its error; NaN if unknown.
+        Computes the error of the number; NaN if unknown.
     """
 
     name: str
@@ -81,7 +83,7 @@ def _centre(axis: int) -> Callable[[Reactions], float]:
 
 
 def _unknown(reactions: Reactions) -> float:
-    """NaN as an unknown number; 0 for a pad that is not touched."""
+    """Error that is unknown: NaN, but 0 for a pad that is not touched."""
     return math.nan if reactions.applied_force.any() else 0.0
 
 
@@ -130,7 +132,7 @@ PAD_RESULTS = [
 
 
 def pad_results(states: Sequence[State], with_errors: bool = True) -> dict[str, Estimate]:
-    """Results of pads by name; empty without pads."""
+    """Values and errors of all results of a scene's pads, by name; empty without pads."""
     if not states:
         return {}
     results = {result.name: max(result.of(state, with_errors) for state in states) for result in PAD_RESULTS}
@@ -138,10 +140,10 @@ def pad_results(states: Sequence[State], with_errors: bool = True) -> dict[str, 
 
 
 def _reaction_results(states: Sequence[State], with_errors: bool) -> dict[str, Estimate]:
-    """Results of the forces of a plate or an indenter, by name.
+    """Values and errors of the results of the force of a plate or an indenter, by name.
 
-    They are omitted for several pads, whose forces have no common meaning, and for a bonded plate with self-contact, as
-    forces of the contact act on the nodes of the plate, too.
+    The results are omitted for several pads, because there is then no single force, and for a bonded plate with
+    self-contact, because contact forces also act on the nodes of the plate.
     """
     from mitsuba_taxel.mechanics.results.balance import reactions
 

@@ -1,8 +1,9 @@
-"""Readings of one scene under several loads whose differences have little noise: by paths through material points.
+"""Readings of one scene under several loads, with little noise in their differences: light paths follow material points
+of the pad from one load to another.
 
-A reading is that of a base state, with the same random numbers for all loads, plus the difference from the base state
-by `trace_difference`. Where the LED has a narrow beam, moved paths leave it, and plain readings that share their random
-numbers have less noise: `quieter` chooses.
+A reading is the sum of the reading of a base state, with the same random numbers for all loads, and the difference from
+the base state, from `trace_difference`. If the LED has a narrow beam, moved paths leave the beam, and plain readings
+with shared random numbers have less noise in their differences; `quieter` chooses between the two methods.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ numbers)."""
 
 
 def can_be_paired(ready: Prepared) -> bool:
-    """Whether differences between loads of a scene can be computed by paths through material points.
+    """Whether differences between loads of a scene can be computed by light paths through the same material points.
 
     This needs one pad, LEDs and phototransistors without windows in one plane, diffuse walls, and a `taxel_tracer` of
     all paths.
@@ -49,12 +50,12 @@ def can_be_paired(ready: Prepared) -> bool:
     Parameters
     ----------
     ready : Prepared
-        The scene under any load.
+        The scene, under any load.
 
     Returns
     -------
     bool
-        False, for example, with mirrors.
+        False, for example, for a scene with mirrors.
     """
     tracer = getattr(ready.integrator, "specification", None)
     if not (isinstance(tracer, TaxelTracer) and tracer.max_depth < 0 and tracer.strategy == "all"):
@@ -69,12 +70,13 @@ def can_be_paired(ready: Prepared) -> bool:
 
 
 def paired(base: Scene, scene: Scene) -> Prepared:
-    """A scene whose readings are those of a base scene plus a difference, if this is possible.
+    """Prepare a scene so that its readings are computed as those of a base scene plus a difference, if this is possible
+    and reduces the noise.
 
     Parameters
     ----------
     base : Scene
-        The same scene under another load, as for :func:`paired_with`.
+        The same scene under another load; see :func:`paired_with`.
     scene : Scene
         The scene to read.
 
@@ -92,15 +94,15 @@ def paired(base: Scene, scene: Scene) -> Prepared:
 
 
 def paired_with(base: Scene, loaded_base: Prepared, scene: Scene) -> Prepared:
-    """A scene whose readings are those of a base scene plus a difference.
+    """Prepare a scene so that its readings are computed as those of a base scene plus a difference.
 
     Parameters
     ----------
     base : Scene
-        The same scene under another load, preferably the largest, because its elements are used for the unloaded pad
-        too.
+        The same scene under another load, preferably the largest load of a study, because the elements of this state
+        are used for the unloaded pad too.
     loaded_base : Prepared
-        The base scene, of which :func:`can_be_paired` is true.
+        The prepared base scene, for which :func:`can_be_paired` is true.
     scene : Scene
         The scene to read.
 
@@ -128,7 +130,8 @@ def paired_with(base: Scene, loaded_base: Prepared, scene: Scene) -> Prepared:
 
 
 def quieter(ready: Prepared) -> Prepared:
-    """A scene with paired readings, or the same scene without, if its differences from the base state have less noise.
+    """Choose between paired and plain readings of a scene: the method with less noise in the difference from the base
+    state.
 
     Parameters
     ----------
@@ -138,13 +141,13 @@ def quieter(ready: Prepared) -> Prepared:
     Returns
     -------
     Prepared
-        The scene; the choice depends on the scene only, and not on the seed of the readings.
+        The scene with the chosen method. The choice does not depend on the seed of the readings.
     """
     return ready if ready.paired is None or ready.paired.has_less_noise() else ready._replace(paired=None)
 
 
 class PairedReading:
-    """Readings of a scene relative to a base state.
+    """Readings of a scene as those of a base state plus a difference.
 
     Parameters
     ----------
@@ -153,23 +156,25 @@ class PairedReading:
     ready : Prepared
         The scene.
     moved : mi.Scene or None
-        A scene with its pad on the triangles of the base state; None if the scene is the base state.
+        The scene with the deformed pad on the triangles of the base state; None if the scene is the base state.
     """
 
     def __init__(self, base: Prepared, ready: Prepared, moved: mi.Scene | None) -> None:
         self._base, self._ready, self._moved = base, ready, moved
 
     def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
-        """Readings (R, T) in W, and the points used, from point ``first`` on."""
+        """Readings (R, T) in W of T taxels in R replicates, and the number of points used; points are counted from
+        ``first``."""
         powers, _, points = traced(self._base, points, seed, first, False)
         if self._moved is not None:
             powers = powers + _difference(self._base.scene, self._moved, points, derived_seed(seed, PAIRED), first)
         return powers, points
 
     def has_less_noise(self) -> bool:
-        """Whether the difference from the base state has less noise than that of readings with shared random numbers.
+        """Whether the paired difference from the base state has less noise than the difference of two plain readings
+        with shared random numbers.
 
-        The variances of a short pilot run are compared, summed over the taxels.
+        A pilot run compares the variances, summed over the taxels.
         """
         if self._moved is None:
             return True
@@ -179,8 +184,8 @@ class PairedReading:
         return bool(by_points.var(axis=0).sum() <= (other - base).var(axis=0).sum())
 
     def deviations(self, seed: int, points: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """Readings of the base state, and changes by the errors of the scene's pad, as `mechanics_deviations`
-        returns."""
+        """Readings of the base state, and changes of the scene's readings on coarser finite elements, in the form that
+        `mechanics_deviations` returns."""
         (pad,), pads = deformed_pads(self._ready.scene), deformed_pads(self._base.scene)
         before = traced(self._base, points, seed, 0, False)[0]
         with stages.stage("mechanics"):

@@ -1,4 +1,5 @@
-"""Scenes prepared for a reading, before light is traced: errors of the shape, and the mesh and the points needed."""
+"""Scenes prepared for a reading, before light is traced, with the errors of their shape and the chosen mesh and number
+of points."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ class Settings(NamedTuple):
     points : int
         Number of points per taxel and replicate; 0 without random numbers.
     mesh_size : float or None
-        Mesh size of pads, in mm; None for the mesh size of the scene.
+        Mesh size of the pads, in mm; None for that of the scene's description or the default.
     """
 
     points: int
@@ -36,14 +37,15 @@ class Settings(NamedTuple):
 
 
 class MechanicsEstimate(NamedTuple):
-    """Error of readings due to the mechanics.
+    """Error of readings due to the finite elements.
 
     Attributes
     ----------
     deviation : (T,) ndarray or None
-        Change of the power in W, as in `Readings`; None if no pad is loaded.
+        Change of the power of each of T taxels on coarser finite elements, in W; see `Readings`. None if no pad is
+        loaded.
     share : float
-        The relative error; NaN if unknown.
+        Relative error of the readings; NaN if unknown.
     """
 
     deviation: np.ndarray | None
@@ -51,16 +53,17 @@ class MechanicsEstimate(NamedTuple):
 
 
 class FacetsEstimate(NamedTuple):
-    """Error of readings due to the flat triangles of curved walls and of random heights.
+    """Error of readings due to the flat triangles (facets) of curved walls and of walls with random heights.
 
     Attributes
     ----------
     facets : (T,) ndarray or None
-        Change of the power in W, as in `Readings`; None if there are no such walls.
+        Change of the power of each of T taxels with inscribed triangles, in W; see `Readings`. None if there are no
+        such walls.
     share : float
         Relative error of readings.
     pilot : Run or None
-        A run that :func:`points_for` continues, if any.
+        The pilot run that :func:`points_for` continues, if any.
     heights : float
         Part of ``share`` due to random heights, which smaller elements do not change.
     """
@@ -75,14 +78,14 @@ FLAT = FacetsEstimate(None, 0.0, None)
 
 
 class ShapeErrors(NamedTuple):
-    """Errors due to the shape of a scene.
+    """Errors of readings due to the approximated shape of a scene's pads.
 
     Attributes
     ----------
     mechanics : MechanicsEstimate
         Error due to the finite elements.
     geometry : FacetsEstimate
-        Error due to the triangles of curved walls; without random numbers, by the discretisation of the light.
+        Error due to the triangles of curved walls or, without random numbers, due to the discretisation of the light.
     power : (T,) ndarray or None
         Readings in W, if computed without random numbers.
     """
@@ -98,23 +101,26 @@ class ShapeErrors(NamedTuple):
 
     @property
     def refinable_share(self) -> float:
-        """Part of ``share`` that decreases with the size of the elements."""
+        """Relative error of all readings that smaller elements reduce: ``share`` without the error due to random
+        heights."""
         return math.sqrt(max(self.share**2 - self.geometry.heights**2, 0.0))
 
     @property
     def known_share(self) -> float:
-        """Relative error, without the mechanics if that is unknown."""
+        """Relative error of all readings; if the error of the mechanics is unknown, that of the geometry alone."""
         return self.light_share if math.isnan(self.mechanics.share) else self.share
 
     @property
     def light_share(self) -> float:
-        """Relative error due to the geometry; without random numbers, the error of the light of the worst reading."""
+        """Relative error of the readings due to the geometry; without random numbers, the relative error of the light
+        of the worst reading."""
         if self.power is None or self.geometry.facets is None:
             return self.geometry.share
         return FACETS_SHARE * largest_share(np.abs(self.geometry.facets), self.power)
 
     def suffices(self, target_error: float) -> bool:
-        """Whether light without random numbers reaches a relative target, with these elements or with finer ones."""
+        """Whether light without random numbers can reach a relative target error, with the present elements or with
+        finer ones."""
         return self.share <= target_error or self.light_share <= EXACT_SHARE * target_error
 
 
@@ -126,13 +132,14 @@ class PreparedFor(NamedTuple):
     ready : Prepared
         The scene.
     errors : ShapeErrors
-        Errors due to the shape of the scene, and the readings if no random paths are needed.
+        Errors due to the shape of the scene's pads; also the readings, if no random paths are needed.
     settings : Settings
         Settings of the reading.
     light_error : float
         Relative standard error that random paths should reach.
     alternative : PreparedFor or None
-        The scene without random paths, with an error above the target that may still be less than that of paths.
+        The same scene with readings computed without random numbers, whose error exceeds the target but may still be
+        smaller than that of random paths.
     """
 
     ready: Prepared
@@ -143,12 +150,12 @@ class PreparedFor(NamedTuple):
 
 
 def mesh_size_of(scene: AnyScene) -> float | None:
-    """Size in mm of the elements that were chosen for a scene; None for the default."""
+    """Size in mm of the finite elements that was chosen for a scene; None for the default."""
     return scene.mesh_size if isinstance(scene, Scene) else None
 
 
 def prepared_without_random_numbers(ready: Prepared, scene: AnyScene, errors: ShapeErrors) -> PreparedFor:
-    """A scene whose readings were computed without random numbers.
+    """Combine a scene and its readings, computed without random numbers, to a prepared scene.
 
     Parameters
     ----------
@@ -157,11 +164,11 @@ def prepared_without_random_numbers(ready: Prepared, scene: AnyScene, errors: Sh
     scene : AnyScene
         The scene as described.
     errors : ShapeErrors
-        Errors with the readings.
+        Errors of the readings, and the readings.
 
     Returns
     -------
     PreparedFor
-        Prepared scene without points.
+        The prepared scene, with 0 points.
     """
     return PreparedFor(ready, errors, Settings(0, mesh_size_of(scene)))

@@ -30,49 +30,49 @@ def mechanics_share(deviation: np.ndarray, power: np.ndarray) -> float:
     Parameters
     ----------
     deviation : (T,) ndarray
-        Deviation of readings on elements of twice the size, W.
+        Readings on elements of twice the size minus readings, W, for each of T taxels.
     power : (T,) ndarray
         Readings, W.
 
     Returns
     -------
     float
-        Relative errors, one standard deviation.
+        Relative error of all readings, one standard deviation.
     """
     return ERROR_SHARE * _mean_share(deviation, power)
 
 
 def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
-    """Relative error of readings due to the facets.
+    """Relative error of readings due to the facets (flat triangles) of curved walls.
 
     Parameters
     ----------
     facets : (T,) ndarray
-        Change of readings with facets that are chords of the walls, W.
+        Change of readings with inscribed triangles, whose corners lie on the walls, W, for each of T taxels.
     power : (T,) ndarray
         Readings, W.
 
     Returns
     -------
     float
-        Relative errors, one standard deviation.
+        Relative error of all readings, one standard deviation.
     """
     return FACETS_SHARE * _mean_share(facets, power)
 
 
 def _mean_share(change: np.ndarray, power: np.ndarray) -> float:
-    """Root mean square of a relative change, over the readings with any power."""
+    """Root mean square of the relative changes of all readings that are not 0."""
     lit = power > 0
     return math.sqrt(np.mean((change[lit] / power[lit]) ** 2)) if lit.any() else 0.0
 
 
 def largest_share(error: np.ndarray, power: np.ndarray) -> float:
-    """Largest ratio of an error to its power; of a power of 0 it is 0 if that is exact, else infinite."""
+    """Largest ratio of an error to its power. For a power of 0, the ratio is 0 if the error is 0, else infinite."""
     return float(np.max(shares(error, power), initial=0.0))
 
 
 def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """Ratio of each error to its power; of a power of 0 it is 0 if that is exact, else infinite.
+    """Ratio of each error to its power. For a power of 0, the ratio is 0 if the error is 0, else infinite.
 
     Parameters
     ----------
@@ -90,24 +90,24 @@ def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
 
 
 def or_dark(error: np.ndarray, power: np.ndarray, dark_error: np.ndarray | None) -> np.ndarray:
-    """The error of each power: by the scatter of its replicates or, where all are 0, the ``dark_error``."""
+    """The error of each power: that from the scatter of the replicates or, for a power of 0, the ``dark_error``."""
     return error if dark_error is None else np.where(power > 0, error, dark_error)
 
 
 def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, geometry: np.ndarray) -> dict[str, float]:
-    """Largest relative errors of readings by their source, and in total.
+    """Error budget of readings: the largest relative error due to each source, and the largest total error.
 
     Parameters
     ----------
     power : (T,) ndarray
         Readings, W.
     light, mechanics, geometry : (T,) ndarray
-        Their errors, one standard deviation, W.
+        Errors of the readings due to each source, one standard deviation, W.
 
     Returns
     -------
     dict[str, float]
-        Errors relative to the reading, by ``light``, ``mechanics``, ``geometry`` and ``total``.
+        Largest relative error of any taxel, with the keys ``light``, ``mechanics``, ``geometry`` and ``total``.
     """
     total = np.hypot(np.hypot(light, mechanics), geometry)
     errors = {"light": light, "mechanics": mechanics, "geometry": geometry, "total": total}
@@ -116,47 +116,53 @@ def error_budget(power: np.ndarray, light: np.ndarray, mechanics: np.ndarray, ge
 
 @dataclass(frozen=True)
 class Readings(Displayed):
-    """Readings of the phototransistors of a scene.
+    """Readings of the T phototransistors of a scene: optical powers, with their errors and cost.
 
     Attributes
     ----------
     replicates : (R, T) ndarray
-        Power in W for each independent randomisation and taxel.
+        Power in W, for each of R independent randomisations and each of T taxels.
     points : int
-        Light paths for each taxel and replicate; 0 without random numbers, where all replicates are equal.
+        Number of light paths for each taxel and replicate. It is 0 for light without random numbers, where all
+        replicates are equal.
     seed : int
         Seed of the random numbers.
     seconds : dict[str, float]
-        Time by stage, in s.
+        Computing time of each stage, such as ``mechanics`` and ``optics``, in s.
     parameters : dict[str, str]
         Values of the scene's parameters.
     irradiance : (height, width) ndarray or None
-        Map in W/mm², one block of pixels for each taxel, or None.
+        Irradiance over the phototransistors in W/mm², one block of pixels for each taxel; None if not requested.
     responsivity : (T,) ndarray or None
-        Photocurrent per power of each phototransistor at its LED's wavelength, in A/W, or None.
+        Photocurrent per optical power of each phototransistor at the wavelength of its LED, in A/W; None if LEDs and
+        phototransistors cannot be paired.
     deviation : (T,) ndarray or None
-        Change of the power, in W, if loaded pads have the shape that coarser finite elements give. It is NaN if
-        unknown, and None if no pad is loaded or it was not requested; errors are then those of the light alone.
+        Change of the power, in W, if the loaded pads have the shape that coarser finite elements give. NaN if unknown.
+        None if no pad is loaded or the error of the mechanics was not requested; the stated errors are then those of
+        the light alone.
     dark_error : (T,) ndarray or None
-        Power in W that a taxel may receive although no path brought light to it, one standard deviation. It is NaN if
-        unknown, and None if a reading of 0 is exact.
+        Error, in W, of a reading of 0: the power that the taxel may receive although no light path reached it, as one
+        standard deviation. NaN if unknown; None if no reading is 0, or light was computed without random numbers.
     facets : (T,) ndarray or None
-        Change of the power, in W, with triangles that are chords of curved walls; 0 if all walls are flat. Without
-        random numbers, it is scaled such that the same factor gives the error of the light. None if not requested.
+        Change of the power, in W, if the triangles of curved walls are inscribed; 0 if all walls are flat. For light
+        without random numbers it is the error due to patches, divided by the same factor that converts this change to
+        an error. None if not requested.
     mesh_size : float or None
         Size in mm of the finite elements of pads whose mesh the scene does not fix; None for the default.
     derivatives : Derivatives or None
         Derivatives with respect to the requested parameters.
     contact : FirstContact or None
-        First contact of the pad under a growing load; None if not requested.
+        First contact of the pad with itself, the board or a package under an increasing load; None if not requested.
     roof_errors : list[RoofError | None]
-        Error of the mechanics of each loaded pad, None if unknown; empty if not requested.
+        Finite-element error of the roofs of each loaded pad, None if unknown; empty if not requested.
     pads : dict[str, Estimate]
-        Results of deformed pads (`PAD_RESULTS`) and their errors, by name; empty without a pad.
+        Further results of deformed pads, such as the largest strain, with their errors, by name (see `PAD_RESULTS`);
+        empty without a pad.
     remarks : list of str
         Further notes for the reader.
     exceeded_limits : dict[str, float]
-        Largest stretch of the silicone for each limit of what is known of it, in words, that it exceeds.
+        Limits of the silicone's stretch that are exceeded, such as that of its tests: the largest stretch, by the
+        description of the limit.
     """
 
     replicates: np.ndarray
@@ -182,7 +188,7 @@ class Readings(Displayed):
 
     @property
     def notes(self) -> list[str]:
-        """Notes for the reader of the numbers."""
+        """Notes on how the readings were obtained, for the user."""
         return [*self.remarks, *stretch_notes(self.exceeded_limits), *describe_mechanics(self.roof_errors)]
 
     @property
@@ -197,9 +203,9 @@ class Readings(Displayed):
 
     @property
     def standard_error(self) -> np.ndarray:
-        """Standard deviation (T,) of :attr:`power` due to the light, in W, from the scatter of the replicates.
+        """Standard error (T,) of :attr:`power` due to the light, in W, from the scatter of the replicates.
 
-        Where all replicates are 0, it is the :attr:`dark_error`.
+        For a taxel whose replicates are all 0, it is the :attr:`dark_error`.
         """
         return or_dark(standard_error(self.replicates), self.power, self.dark_error)
 
@@ -207,8 +213,8 @@ class Readings(Displayed):
     def mechanics_error(self) -> np.ndarray:
         """One standard deviation (T,) in W of :attr:`power` due to the finite elements.
 
-        It is the same fraction of every reading that is not 0, from the mean square of their relative
-        :attr:`deviation`: meshes are irregular, and in one cell two meshes may agree by chance.
+        It is the same fraction of every reading that is not 0. The fraction follows from the mean square of the
+        relative :attr:`deviation` of all readings, because two irregular meshes may agree by chance in a single cell.
         """
         if self.deviation is None:
             return np.zeros(len(self.taxel))
@@ -217,7 +223,8 @@ class Readings(Displayed):
 
     @property
     def geometry_error(self) -> np.ndarray:
-        """One standard deviation (T,) in W of :attr:`power` due to the flat triangles of curved walls.
+        """One standard deviation (T,) in W of :attr:`power` due to the flat triangles of curved walls. Without random
+        numbers, that due to the discretisation of the light.
 
         It is the same fraction of every reading, like the :attr:`mechanics_error`.
         """
@@ -232,41 +239,42 @@ class Readings(Displayed):
 
     @property
     def photocurrent(self) -> np.ndarray | None:
-        """Current (T,) of each phototransistor, in A, or None if the responsivity is not known."""
+        """Current (T,) of each phototransistor, in A; None if the responsivity is unknown."""
         return None if self.responsivity is None else self.power * self.responsivity
 
     @property
     def relative_error(self) -> float:
-        """Largest relative standard error of any taxel; infinite if a taxel may receive light, but none was found."""
+        """Largest relative standard error of any taxel; infinite if no light was found on a taxel that may receive
+        some."""
         return largest_share(self.standard_error, self.power)
 
     @property
     def relative_total_error(self) -> float:
-        """Largest relative total error of any taxel, as :attr:`relative_error`."""
+        """Largest relative total error of any taxel; infinite as for :attr:`relative_error`."""
         return largest_share(self.total_error, self.power)
 
     @property
     def error_budget(self) -> dict[str, float]:
-        """Largest relative error of any taxel, by its source and in total."""
+        """Largest relative error of any taxel due to each source, and in total; see :func:`error_budget`."""
         return error_budget(self.power, self.standard_error, self.mechanics_error, self.geometry_error)
 
 
 @dataclass(frozen=True)
 class Crosstalk:
-    """Power that each LED alone brings to each phototransistor.
+    """Power that each of T LEDs alone brings to each of T phototransistors.
 
     Attributes
     ----------
     replicates : (R, T, T) ndarray
-        Power in W for each independent randomisation, LED and phototransistor.
+        Power in W, for each of R independent randomisations, each LED and each phototransistor.
     points : int
-        Light paths for each of them.
+        Number of light paths for each LED and replicate.
     seed : int
         Seed of the random numbers.
     dark_error : (T, T) ndarray or None
         See `Readings`.
     deviation : (T, T) ndarray or None
-        Change of the power in W by coarser finite elements, as in `Readings`; NaN if unknown; None if no pad is loaded.
+        Change of the power in W on coarser finite elements; see `Readings`. NaN if unknown; None if no pad is loaded.
     """
 
     replicates: np.ndarray
@@ -280,7 +288,7 @@ class Crosstalk:
 
     @property
     def power(self) -> np.ndarray:
-        """Optical power (T, T) in W: row LED, column phototransistor."""
+        """Optical power (T, T) in W: a row for each LED, a column for each phototransistor."""
         return self.replicates.mean(axis=0)
 
     @property
@@ -292,8 +300,8 @@ class Crosstalk:
     def mechanics_error(self) -> np.ndarray:
         """Standard deviation (T, T) of :attr:`power` due to the finite elements, in W; NaN if unknown.
 
-        The relative error is the same for all taxels with their own LED, and the same for all other pairs, because two
-        meshes may agree by chance in a single pair.
+        All pairs of a phototransistor with its own LED have the same relative error, and so do all other pairs, because
+        two meshes may agree by chance in a single pair.
         """
         power, error = self.power, np.zeros_like(self.power)
         if self.deviation is None:
@@ -307,22 +315,23 @@ class Crosstalk:
 
     @property
     def total_error(self) -> np.ndarray:
-        """Total error (T, T) in W: root of the sum of the squares of both errors, without the error due to facets."""
+        """Total error (T, T) in W: root of the sum of squares of the errors due to light and mechanics. The error due
+        to facets is not included."""
         return np.hypot(self.standard_error, self.mechanics_error)
 
 
 def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
-    """The error of the worst of loaded pads, in words.
+    """Describe the largest finite-element error of any loaded pad in words.
 
     Parameters
     ----------
     errors : sequence of (RoofError or None)
-        Errors of each loaded pad; None if unknown.
+        Error of each loaded pad; None if unknown.
 
     Returns
     -------
     list[str]
-        Empty without a loaded pad.
+        Lines of text; empty without a loaded pad.
     """
     if not errors:
         return []
@@ -341,7 +350,7 @@ def describe_mechanics(errors: Sequence[RoofError | None]) -> list[str]:
 
 
 def readings_text(readings: Readings, width: int | None = None) -> str:
-    """Readings as text: a line with power and error, a table by taxel, notes on the methods, and derivatives.
+    """Readings as text: a first line with powers and error, a table by taxel, notes on the methods, and derivatives.
 
     Parameters
     ----------
@@ -368,7 +377,7 @@ def readings_text(readings: Readings, width: int | None = None) -> str:
 
 
 def readings_answer(readings: Readings) -> str:
-    """The powers of a scene in one line, with the largest total error.
+    """Summarise readings in one line: the range of powers and the largest total error.
 
     Parameters
     ----------
@@ -397,7 +406,7 @@ def readings_answer(readings: Readings) -> str:
 
 
 def readings_columns(readings: Readings) -> dict[str, list[str]]:
-    """Columns of a table by heading, a row for each taxel: power, its errors and, if it is known, the photocurrent.
+    """Columns of a table with a row for each taxel: power, its errors and, if known, the photocurrent.
 
     Parameters
     ----------
@@ -407,7 +416,7 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
     Returns
     -------
     dict[str, list[str]]
-        Cells by heading.
+        Cells of each column, by its heading.
     """
     columns = {
         "taxel": [str(taxel) for taxel in readings.taxel],
@@ -427,7 +436,7 @@ def readings_columns(readings: Readings) -> dict[str, list[str]]:
 
 
 def origin_lines(readings: Readings) -> list[str]:
-    """Lines on how readings were obtained: light, notes, error budget and time.
+    """Describe how readings were obtained: method of the light, notes, error budget and computing time.
 
     Parameters
     ----------
@@ -448,7 +457,7 @@ def origin_lines(readings: Readings) -> list[str]:
 
 
 def light_error_line(readings: Readings) -> str:
-    """The meaning and origin of the light error.
+    """Explain what the stated error of the light is and how it was obtained.
 
     Parameters
     ----------
@@ -467,7 +476,8 @@ def light_error_line(readings: Readings) -> str:
 
 
 def crosstalk_text(crosstalk: Crosstalk, width: int | None = None) -> str:
-    """The power that each LED brings to each phototransistor, each with its error due to light and finite elements.
+    """Crosstalk as text: a table of the power that each LED brings to each phototransistor, with its error due to light
+    and finite elements.
 
     Parameters
     ----------

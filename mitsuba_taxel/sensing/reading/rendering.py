@@ -1,4 +1,4 @@
-"""Implementation of `mi.render` for our integrators: the image of one sensor of a valid scene."""
+"""Implementation of `mi.render` for the integrators of this package."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def render(
     develop: bool = True,
     evaluate: bool = True,
 ):
-    """Method ``render`` of our integrators: the irradiance map [W/mm²] of the phototransistors of one sensor, as a
-    tensor (height, width, channels)."""
+    """Render the irradiance map of the phototransistors of one sensor, in W/mm², as a tensor (height, width, channels).
+    This is the method ``render`` of the integrators of this package."""
     sensor = scene.sensors()[sensor] if isinstance(sensor, int) else sensor
     film = sensor.film()
     refuse_unmodelled(scene, integrator)
@@ -49,7 +49,8 @@ def render(
 
 
 def refuse_derivatives(integrator: mi.Integrator, *_: Any, **__: Any) -> None:
-    """Refuse `dr.forward` and `dr.backward` through images of our integrators; raises `InputError`."""
+    """Raise `InputError`: images of the integrators of this package cannot be differentiated by `dr.forward` and
+    `dr.backward`."""
     raise InputError(
         f"derivatives by dr.forward or dr.backward are not available through {integrator!s}: use measure(scene, "
         f"derivatives=[...]), or differences of readings of the same seed, which share random numbers."

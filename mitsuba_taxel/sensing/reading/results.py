@@ -1,8 +1,9 @@
-"""All results of a reading: one entry each.
+"""All results of a reading, each defined once.
 
-An entry states what a result is, and how it follows from `Readings`. Datasets of studies, NetCDF, CSV and Parquet
-tables, names that parameters may not have, and the list in the documentation are read off here. Numbers of deformed
-pads are listed in `mitsuba_taxel.sensing.reading.pad_results`, and join by themselves.
+An entry states the name, unit and meaning of a result, and how it is computed from `Readings`. Datasets of studies,
+NetCDF, CSV and Parquet tables, the list of names that parameters may not have, and the table in the documentation are
+made from these entries. Results of deformed pads are defined in `mitsuba_taxel.sensing.reading.pad_results`, and are
+included automatically.
 """
 
 from __future__ import annotations
@@ -20,19 +21,20 @@ TAXEL, PARAMETER = "taxel", "parameter"
 
 
 class Result(NamedTuple):
-    """A result of a reading.
+    """Definition of a result of a reading.
 
     Attributes
     ----------
     name, unit, meaning : str
         Name, unit and meaning. The unit is 1 for none, and empty if it follows from the parameter of a derivative.
     per : tuple[str, ...]
-        Dimensions in addition to those of a study: taxel, parameter, both, or none for one number for each scene.
+        Dimensions of the result in addition to those of a study: taxel, parameter or both; empty for one number for
+        each scene.
     of : Callable[[Readings], array or None]
-        Returns the values of a reading; None if it has none.
+        Returns the values of the result for a reading; None if the reading lacks this result.
     along_curve : bool
-        Whether the result is interpolated along the curves of a study, between the readings that have it. Errors by a
-        second mesh are.
+        Whether a study computes the result for some scenes of a curve only and interpolates between them, as with
+        errors from a second mesh.
     in_table : bool
         Whether tables of readings contain the result.
     """

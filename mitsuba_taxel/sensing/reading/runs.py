@@ -1,4 +1,4 @@
-"""Incremental readings: prepared scenes, traced with an increasing number of points, within a time budget."""
+"""Incremental readings: prepared scenes are traced with an increasing number of points, within a time budget."""
 
 from __future__ import annotations
 
@@ -36,21 +36,24 @@ CHOSEN_INTEGRATOR = "integrator taxel_tracer: it connects paths from LED and pho
 
 
 class PairedPowers(Protocol):
-    """Readings of a scene relative to a base state, so that readings under several loads share their noise."""
+    """Readings of a scene as those of a base state plus a difference, so that readings under several loads share their
+    noise."""
 
     def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
-        """Readings (R, T) in W, and the points used, from point ``first`` on."""
+        """Readings (R, T) in W of T taxels in R replicates, and the number of points used; points are counted from
+        ``first``."""
 
     def has_less_noise(self) -> bool:
-        """Whether differences from the base state have less noise than differences of readings that share random
-        numbers."""
+        """Whether paired differences from the base state have less noise than differences of plain readings with shared
+        random numbers."""
 
     def deviations(self, seed: int, points: int) -> tuple[np.ndarray, np.ndarray | None]:
-        """Readings (R, T) in W, and their changes (2, R, T) with coarser finite elements; None if unknown."""
+        """Readings (R, T) in W, and their changes (2, R, T) by two components of the change of shape on coarser finite
+        elements; the changes are None if unknown."""
 
 
 class Prepared(NamedTuple):
-    """A scene that is loaded, checked, and has an integrator."""
+    """A loaded and checked scene with its integrator."""
 
     scene: mi.Scene
     integrator: mi.Integrator
@@ -65,7 +68,7 @@ AnyScene: TypeAlias = "Scene | Prepared | mi.Scene | str | Path | dict[str, Any]
 
 @in_turn
 def prepare(scene: AnyScene) -> Prepared:
-    """Load a scene in any form, and choose an integrator if it names none.
+    """Load and check a scene given in any form, and choose an integrator if the scene names none.
 
     Parameters
     ----------
@@ -75,7 +78,7 @@ def prepare(scene: AnyScene) -> Prepared:
     Returns
     -------
     Prepared
-        Prepared scene for :func:`measure` in place of the scene.
+        The prepared scene, which :func:`measure` accepts in place of the scene.
 
     Raises
     ------
@@ -111,12 +114,12 @@ def prepare(scene: AnyScene) -> Prepared:
 
 
 def _lights(scene: mi.Scene) -> int:
-    """Number of LEDs and other emitters."""
+    """Number of light sources of a scene: all LEDs of arrays and all other emitters."""
     return sum(emitter.faces.count if is_led(emitter) else 1 for emitter in scene.emitters())
 
 
 def described(scene: AnyScene) -> Scene | Prepared | mi.Scene:
-    """The `Scene` of a name, a path or a dictionary; any other scene is returned unchanged."""
+    """Convert a name, a path or a dictionary to a `Scene`; a scene in any other form is returned unchanged."""
     if isinstance(scene, (str, Path, dict)):
         return Scene(scene)
     activate_variant()
@@ -125,7 +128,7 @@ def described(scene: AnyScene) -> Scene | Prepared | mi.Scene:
 
 
 class Clock:
-    """Remaining time of a time budget."""
+    """Clock of a time budget."""
 
     def __init__(self, budget: float | None) -> None:
         self.end = math.inf if budget is None else time.perf_counter() + budget
@@ -136,12 +139,13 @@ class Clock:
         return self.end - time.perf_counter()
 
     def allows(self, seconds: float) -> bool:
-        """Whether a task of this duration in s would end in time."""
+        """Whether a task that takes ``seconds`` would end within the budget."""
         return seconds <= self.left
 
 
 class Run:
-    """Incremental readings: each step doubles the number of points, and continues the same random sequences.
+    """Incremental readings by random paths: each step doubles the number of points, and continues the same random
+    sequences.
 
     Parameters
     ----------
@@ -163,7 +167,7 @@ class Run:
         self.seconds = 0.0  # of the last step
 
     def extend_to(self, points: int, clock: Clock | None = None) -> None:
-        """Trace until there are enough points, or until the next step would not end in time.
+        """Trace until a number of points is reached, or until the next step would not end within the time budget.
 
         Parameters
         ----------
@@ -181,7 +185,8 @@ class Run:
             self._step(self.points or min(FIRST_POINTS, points))
 
     def extend_to_error(self, target: float, clock: Clock) -> None:
-        """Double the points while the error is above a target, as a pilot run may have found too few.
+        """Double the number of points until the error is below a target or the time budget ends; a pilot run may have
+        predicted too few points.
 
         Parameters
         ----------
@@ -196,7 +201,7 @@ class Run:
             self._step(self.points)
 
     def _step(self, points: int) -> None:
-        """Trace more points, and average with the earlier ones."""
+        """Trace further points, and average them with the earlier points."""
         start = time.perf_counter()
         powers, image, points = traced(self.ready, points, self.seed, self.points, self.with_image)
         total = self.points + points
@@ -209,7 +214,7 @@ class Run:
 
 
 def derived_seed(seed: int, index: int) -> int:
-    """One of many independent seeds derived from ``seed``.
+    """Derive one of many independent seeds from a seed.
 
     Parameters
     ----------
@@ -229,7 +234,7 @@ def derived_seed(seed: int, index: int) -> int:
 def traced(
     ready: Prepared, points: int, seed: int, first: int, image: bool
 ) -> tuple[np.ndarray, np.ndarray | None, int]:
-    """Readings by random paths.
+    """Trace the readings of a scene by random paths.
 
     Parameters
     ----------
@@ -240,18 +245,18 @@ def traced(
     seed : int
         Seed of the random numbers.
     first : int
-        Number of the first point.
+        Index of the first point in the random sequences; larger than 0 for a continued run.
     image : bool
-        Whether the irradiance map is wanted.
+        Whether to return the irradiance map.
 
     Returns
     -------
     powers : (R, T) ndarray
-        Powers in W.
+        Powers in W of T taxels in R replicates.
     map : ndarray or None
-        Irradiance map of the first sensor.
+        Irradiance map of the first sensor, in W/mm²; None if not requested.
     points : int
-        Points used.
+        Number of points used per taxel and replicate.
     """
     scene, integrator = ready.scene, ready.integrator
     if ready.paired is not None and not image:
@@ -268,7 +273,8 @@ def traced(
 
 
 def _render(scene: mi.Scene, points: int, seed: int, first: int):
-    """As :func:`_trace`, by one of Mitsuba's own integrators, with the light of all LEDs at once.
+    """Readings, map and number of points as :func:`traced` returns them, by one of Mitsuba's own integrators, with all
+    LEDs lit at once.
 
     A continuation from ``first`` points uses other random numbers.
     """

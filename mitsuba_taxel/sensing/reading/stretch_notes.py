@@ -1,4 +1,5 @@
-"""Notes on pads that are stretched beyond the tests of their silicone, or beyond the stability of its law."""
+"""Notes on pads whose silicone is stretched beyond its material tests, or beyond the range in which its law is
+stable."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def exceeded_limits(scene: mi.Scene) -> dict[str, float]:
-    """Limits of the silicone of pads that their largest stretch exceeds.
+    """Find the limits of the silicone that the largest stretch of a scene's pads exceeds.
 
     Parameters
     ----------
@@ -24,7 +25,7 @@ def exceeded_limits(scene: mi.Scene) -> dict[str, float]:
     Returns
     -------
     dict[str, float]
-        Largest stretch for each limit, in words, that it exceeds.
+        Largest stretch, by the description of each exceeded limit in words.
     """
     loaded = [pad for pad in deformed_pads(scene) if pad.state.displacement.any()]
     if not loaded:  # and nothing of the mechanics is imported
@@ -46,7 +47,7 @@ def exceeded_limits(scene: mi.Scene) -> dict[str, float]:
 
 
 def largest_stretches(readings: Iterable[Mapping[str, float]]) -> dict[str, float]:
-    """The largest stretch for each limit, of many pads or readings.
+    """Merge exceeded limits of many pads or readings: the largest stretch for each limit.
 
     Parameters
     ----------
@@ -56,7 +57,7 @@ def largest_stretches(readings: Iterable[Mapping[str, float]]) -> dict[str, floa
     Returns
     -------
     dict[str, float]
-        In their order.
+        Largest stretch by limit, in the order of first occurrence.
     """
     largest: dict[str, float] = {}
     for limits in readings:
@@ -66,7 +67,7 @@ def largest_stretches(readings: Iterable[Mapping[str, float]]) -> dict[str, floa
 
 
 def stretch_notes(limits: Mapping[str, float]) -> list[str]:
-    """A sentence for each limit that is exceeded.
+    """Describe each exceeded limit in a sentence.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def stretch_notes(limits: Mapping[str, float]) -> list[str]:
     Returns
     -------
     list[str]
-        Notes in their original order.
+        A note for each limit, in the order of ``limits``.
     """
     reached = "the silicone is stretched to {:.2f} in its most strained 1%, {}"
     return [reached.format(stretch, limit) for limit, stretch in limits.items()]

@@ -1,4 +1,4 @@
-"""Sentences on errors, light and time, the same in terminal, notebook and web page."""
+"""Sentences on errors, light and time, used in terminal, notebook and web page."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def light_of_study(study: xr.Dataset) -> str:
-    """Method by which the light of a study's readings was computed, in words.
+    """Describe the method by which the light of a study's readings was computed.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ def light_of_study(study: xr.Dataset) -> str:
 
 
 def budget_line(budget: Mapping[str, float]) -> str:
-    """``Error of the worst reading: light 0.20%, mechanics 0.30%, geometry 0.01%, total 0.36%``.
+    """Error budget as one line: ``Error of the worst reading: light 0.20%, mechanics 0.30%, geometry 0.01%, total
+    0.36%``.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ def budget_line(budget: Mapping[str, float]) -> str:
 
 
 def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Each source of error with its error relative to the reading.
+    """Error budget as rows of a table: each source of error with its relative error in percent.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
 
 
 def stage_line(seconds: Mapping[str, float]) -> str:
-    """``Seconds: mechanics 3.2, optics 0.4, total 3.6``.
+    """Computing time as one line: ``Seconds: mechanics 3.2, optics 0.4, total 3.6``.
 
     Parameters
     ----------

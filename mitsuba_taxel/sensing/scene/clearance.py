@@ -1,4 +1,5 @@
-"""Packages below pads: pads with `self_contact` rest on them, and other pads that touch them are refused."""
+"""Contact between pads and packages: a pad with `self_contact` may rest on a package; any other pad that touches one is
+refused."""
 
 from __future__ import annotations
 
@@ -11,21 +12,21 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 
 def heed_packages(scene: mi.Scene) -> None:
-    """Make the bodies of `photo_reflector`s obstacles for pads with `self_contact`, and refuse other pads that touch
-    them.
+    """Make the packages of a scene obstacles for pads with `self_contact`, and refuse any other pad that touches a
+    package.
 
     Parameters
     ----------
     scene : mi.Scene
-        A loaded scene, whose pads may change.
+        A loaded scene; the deformation of its pads may change.
 
     Raises
     ------
     InputError
-        if an undeformed pad touches a body.
+        if an undeformed pad touches a package.
     ComputationError
-        if a loaded pad does; the message names the load at which a pad first touches a body, or at which its load path
-        ends.
+        if a loaded pad without `self_contact` touches a package; the message names the load at which a pad first
+        touches one, or at which its load path ends.
     """
     pads, bodies = deformed_pads(scene), _bodies(scene)
     if not (pads and bodies):
@@ -38,8 +39,8 @@ def heed_packages(scene: mi.Scene) -> None:
 
 
 def packages(scene: mi.Scene) -> list[np.ndarray]:
-    """Triangles (K, 3, 3) of the package of each `photo_reflector`, in the frame of the only pad of the scene, in
-    mm."""
+    """For each `photo_reflector`, the corners (K, 3, 3) of the K triangles of its packages, in mm, in the frame of the
+    scene's only pad."""
     (pad,) = deformed_pads(scene)
     return [_in_its_frame(pad, body) for body in _bodies(scene)]
 
@@ -49,7 +50,7 @@ def _bodies(scene: mi.Scene) -> list[np.ndarray]:
 
 
 def _triangles(body: mi.Mesh) -> np.ndarray:
-    """Corners (K, 3, 3) of the triangles in world coordinates, in mm."""
+    """Corners (K, 3, 3) of the K triangles of a mesh in world coordinates, in mm."""
     parameters = mi.traverse(body)
     faces = np.array(parameters["faces"]).reshape(-1, 3)
     return np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)[faces]

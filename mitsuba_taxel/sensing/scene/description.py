@@ -1,4 +1,4 @@
-"""Description of a scene by the user: an XML file with parameters, or a dictionary as for Mitsuba."""
+"""Description of a scene: an XML file with parameters, or a dictionary as for Mitsuba."""
 
 from __future__ import annotations
 
@@ -74,21 +74,22 @@ class Scene(Displayed):
     source : str or Path or dict[str, Any]
         Path of an XML file, name of a shipped one, or a dictionary as for ``mi.load_dict`` (with ``"type": "scene"``).
     parameters : Mapping[str, object], optional
-        Values for the ``<default>``s of the file, by name; ``none`` leaves out the elements that use a parameter. With
-        ``meshed_as``, such as ``cell_size=2.5, wall=1``, pads have the meshes of the scene with those values, moved.
+        Values for the ``<default>`` elements of the file, by name. The value ``none`` leaves out the elements that use
+        the parameter. The value of ``meshed_as``, such as ``cell_size=2.5, wall=1``, names a second set of parameter
+        values: pads are meshed with these, and the meshes are then moved to the actual dimensions.
     mesh_size : float, optional
-        Size in mm of the finite elements of pads without a mesh size or tolerance in the description; None for the
-        default.
+        Size in mm of the finite elements of pads for which the description gives neither a mesh size nor a tolerance;
+        None for the default.
 
     Raises
     ------
     InputError
-        if the file does not exist, is not valid XML, or does not have a given parameter.
+        if the file does not exist, is not valid XML, or lacks a given parameter.
 
     Warns
     -----
     UnusedDefault
-        if the file has ``<default>``s that nothing uses; ``unused`` has their names.
+        if the file has ``<default>`` elements that no other element uses; ``unused`` lists their names.
     """
 
     def __init__(
@@ -134,7 +135,7 @@ class Scene(Displayed):
 
     @classmethod
     def from_file(cls, source: str | Path, /, **parameters: object) -> Scene:
-        """The scene in an XML file.
+        """Make a scene from an XML file.
 
         Parameters
         ----------
@@ -146,18 +147,19 @@ class Scene(Displayed):
         Returns
         -------
         Scene
-            Scene read again whenever it is loaded.
+            The scene; its file is read again whenever it is loaded.
 
         Raises
         ------
         InputError
-            if there is no such file, or a parameter is not one of the scene's.
+            if there is no such file, or the scene lacks one of the parameters.
         """
         require("source", source, (str, Path), "the path or name of an XML scene")
         return cls(source, parameters)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Scene:
-        """An independent scene, which shares Mitsuba's objects in a dictionary, as they never change."""
+        """An independent copy of the scene. Mitsuba's objects in a dictionary are shared with the copy, because they
+        never change."""
         copied = copy.copy(self)
         copied.source = _copied(self.source) if isinstance(self.source, dict) else self.source
         copied.defaults, copied.parameters = dict(self.defaults), dict(self.parameters)
@@ -165,16 +167,16 @@ class Scene(Displayed):
 
     @property
     def name(self) -> str:
-        """The file's name, or ``scene`` for one made in Python."""
+        """Name of the file, or ``scene`` for a scene made in Python."""
         return self.source.name if isinstance(self.source, Path) else "scene"
 
     def with_mesh_size(self, mesh_size: float | None) -> Scene:
-        """The same scene with another size of elements, unless its description fixes the size.
+        """The same scene with another size of finite elements, unless its description fixes the size.
 
         Parameters
         ----------
         mesh_size : float or None
-            Length of the edges of elements, mm; None for the default.
+            Target length of the edges of elements, mm; None for the default.
 
         Returns
         -------
@@ -186,19 +188,20 @@ class Scene(Displayed):
 
     @in_turn
     def load(self) -> mi.Scene:
-        """Build the ``mi.Scene``, in the current variant or the default one.
+        """Build the ``mi.Scene`` in the current variant of Mitsuba (the default variant if none is set), and deform its
+        pads.
 
         Returns
         -------
         mi.Scene
-            Scene with its pads deformed.
+            The loaded scene.
 
         Raises
         ------
         InputError
             if Mitsuba or a plugin refuses the description; the message is one line.
         ComputationError
-            if a pad cannot bear its load, or touches a package without `self_contact`.
+            if a pad has no equilibrium under its load, or touches a package without `self_contact`.
         """
         import mitsuba as mi
 
@@ -225,7 +228,8 @@ class Scene(Displayed):
             return live
 
     def _refuse_contact(self, config: mi.parser.ParserConfig) -> None:
-        """Raise if a pad touches a package before the end of its load path, which pads alone do not notice."""
+        """Raise if a pad touches a package before the end of its load path. The mechanics of a pad alone does not
+        detect this contact."""
         import mitsuba as mi
 
         from mitsuba_taxel.sensing.scene.clearance import heed_packages
@@ -243,7 +247,8 @@ class Scene(Displayed):
         heed_packages(at_rest)
 
     def write_xml(self, path: str | Path) -> None:
-        """Write the scene as an XML file with parameters that gives bit-identical readings; see :meth:`as_xml`.
+        """Write the scene as an XML file with parameters, whose readings are bit-identical to those of this scene; see
+        :meth:`as_xml`.
 
         Parameters
         ----------
@@ -264,7 +269,7 @@ class Scene(Displayed):
 
     @in_turn
     def as_xml(self, folder: Path) -> str:
-        """The scene as the text of an XML file in a folder, with its values as ``<default>`` elements.
+        """The scene as the text of an XML file, with its values as ``<default>`` elements.
 
         A scene from a file keeps the parameters of the file. In a scene made in Python, the numbers and words of its
         plugins become parameters; see `scene_text` for their names.
@@ -298,13 +303,13 @@ class Scene(Displayed):
 
     @contextmanager
     def files_beside_it(self) -> Iterator[None]:
-        """Resolve files named in a scene relative to its folder; libraries of plugins are loaded from trusted ones
-        only.
+        """Context manager: resolve the files named in a scene relative to its folder. Libraries of plugins are loaded
+        from trusted folders only.
 
         Yields
         ------
         None
-            Within the block; afterwards, files are resolved as before.
+            Nothing; after the ``with`` block, files are resolved as before.
         """
         import mitsuba as mi
 
@@ -327,7 +332,7 @@ class Scene(Displayed):
                 raise InputError(f"{message}{guilty_parameters(self.parameters)}.")
 
     def parsed(self, config: mi.parser.ParserConfig) -> mi.parser.ParserState:
-        """The parsed description, before anything is built.
+        """Parse the description without building any object.
 
         Parameters
         ----------
@@ -337,12 +342,12 @@ class Scene(Displayed):
         Returns
         -------
         mi.parser.ParserState
-            All nodes, the scene first.
+            All nodes of the description; the first is the scene.
 
         Raises
         ------
         InputError
-            if the description is refused: nested scenes, objects that nothing uses, missing files.
+            if the description is not allowed, for example because of nested scenes, unused objects or missing files.
         """
         import mitsuba as mi
 
@@ -375,12 +380,12 @@ class Scene(Displayed):
 
     @in_turn
     def has_camera(self) -> bool:
-        """Whether the scene has a sensor of Mitsuba, such as a camera; no object is built.
+        """Whether the scene has one of Mitsuba's own sensors, such as a camera; no object is built.
 
         Returns
         -------
         bool
-            True with such a sensor. Also False for a refused scene, whose error is raised when it is loaded.
+            True with such a sensor. A scene that cannot be parsed gives False; its error is raised when it is loaded.
         """
         import mitsuba as mi
 
@@ -393,12 +398,12 @@ class Scene(Displayed):
 
     @property
     def _own_parameters(self) -> dict[str, str]:
-        """Parameters of the file, by name."""
+        """Parameters of the file and their default values, by name."""
         return {name: value for name, value in self.parameters.items() if name != MESHED_AS or name in self.defaults}
 
     def _move_meshes(self, pads: list[mi.Properties], config: mi.parser.ParserConfig) -> None:
-        """If the scene has a value of `MESHED_AS`, let pads move the meshes of the scene with the values that it
-        names."""
+        """If the scene has a value of `MESHED_AS`, mesh its pads with the parameter values that it names, and move
+        these meshes to the actual dimensions."""
         own = self._own_parameters
         origin = NONE if MESHED_AS in own else self.parameters.get(MESHED_AS, NONE)
         if origin == NONE:
@@ -423,7 +428,7 @@ def _refuse_none(description: dict[str, Any], within: str = "scene") -> None:
 
 
 def _types(description: Mapping[str, Any]) -> Iterator[str]:
-    """Types of the plugins in a dictionary."""
+    """Names of all plugins in a dictionary."""
     for name, value in description.items():
         if name == "type" and isinstance(value, str):
             yield value
@@ -432,14 +437,14 @@ def _types(description: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _copied(value: Any) -> Any:
-    """Dictionaries and lists are copied, other objects are not."""
+    """Deep copy of dictionaries and lists; other objects are shared."""
     if isinstance(value, dict):
         return {name: _copied(item) for name, item in value.items()}
     return [_copied(item) for item in value] if isinstance(value, list) else value
 
 
 def write_xml(scene: Scene, path: str | Path) -> None:
-    """Write a scene as XML; see :meth:`Scene.write_xml`.
+    """Write a scene as an XML file with parameters; see :meth:`Scene.write_xml`.
 
     Parameters
     ----------
@@ -458,7 +463,7 @@ def write_xml(scene: Scene, path: str | Path) -> None:
 
 
 def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
-    """Defaults of an XML scene, and the names that it uses as ``$name``."""
+    """The ``<default>`` values of an XML scene by name, and the names that its elements use as ``$name``."""
     defaults: dict[str, str] = {}
     used: set[str] = set()
     for file, root in read_scene_file(path):
@@ -473,9 +478,10 @@ def _declared_parameters(path: Path) -> tuple[dict[str, str], set[str]]:
 
 
 def _free_unused_scenes() -> None:
-    """Free scenes that only reference cycles keep alive, such as from the traceback of an error.
+    """Free loaded scenes that are kept alive by reference cycles only, for example by the traceback of an error.
 
-    Kernels contain the plugins of all scenes that are alive: an unused scene would make Dr.Jit compile them again.
+    Dr.Jit's kernels contain the plugins of all scenes that are alive: with an unused scene, they would be compiled
+    again.
     """
     if _EMITTERS:
         gc.collect()

@@ -9,7 +9,7 @@ from mitsuba_taxel.base.errors import InputError
 
 
 def find_scene(source: str | Path) -> Path:
-    """The file of ``source``: a path, or the name of a scene that ships with the package.
+    """Find the file of a scene from a path, or from the name of a scene that ships with the package.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def find_scene(source: str | Path) -> Path:
     Raises
     ------
     InputError
-        if there is neither.
+        if there is no such file and no shipped scene of this name.
     """
     path = path_of("scene", source)
     if is_file(path):
@@ -51,7 +51,7 @@ def why_unreadable(path: Path) -> str | None:
     Returns
     -------
     str or None
-        Part of a sentence.
+        Reason as a part of a sentence.
     """
     try:
         path.stat()
@@ -63,7 +63,7 @@ def why_unreadable(path: Path) -> str | None:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file of that name; False for a name that is too long.
+    """Whether a path is an existing file; False for a path that is too long for the system.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def is_file(path: Path) -> bool:
     Returns
     -------
     bool
-        True if there is such a file; links are followed.
+        True for an existing file; symbolic links are followed.
     """
     try:
         return path.is_file()
@@ -87,7 +87,7 @@ def shipped_scenes() -> Path:
     Returns
     -------
     Path
-        Absolute path.
+        Absolute path of the folder.
     """
     from importlib.resources import files
 

@@ -1,4 +1,4 @@
-"""Parameters of a scene without a value: the elements that use them are left out."""
+"""Parameters of a scene with the value ``none``: the elements that use them are left out."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NONE = "none"
 
 
 def left_out(parameters: Mapping[str, str]) -> set[str]:
-    """Names of the parameters without a value.
+    """Find the parameters with the value ``none``.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def left_out(parameters: Mapping[str, str]) -> set[str]:
 
 
 def used_by(attributes: Mapping[str, str]) -> set[str]:
-    """The names used as ``$name`` by an element with these attributes.
+    """Find the parameters that the attributes of an XML element use as ``$name``.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def used_by(attributes: Mapping[str, str]) -> set[str]:
 
 
 def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[str, str]) -> mi.parser.ParserState:
-    """The parsed description of an XML scene, without the elements that use a parameter without a value.
+    """Parse an XML scene without the elements that use a parameter with the value ``none``.
 
     Parameters
     ----------
@@ -65,12 +65,12 @@ def parse_scene(config: mi.parser.ParserConfig, path: Path, parameters: Mapping[
     Returns
     -------
     mi.parser.ParserState
-        All nodes, the scene first.
+        All nodes of the description; the first is the scene.
 
     Raises
     ------
     InputError
-        if an included file uses such a parameter, or the scene brings the library of a plugin.
+        if an included file uses a parameter with the value ``none``, or if the scene loads a library of plugins.
     """
     import mitsuba as mi
 

@@ -1,4 +1,5 @@
-"""Checks of files that Mitsuba opens for a scene: it would wait for a pipe, and never finish reading a device."""
+"""Checks of files that Mitsuba opens for a scene. Without them it would wait for a pipe, and never finish reading a
+device."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ LARGEST_FILE = 1 << 30
 
 
 def check_spectra(scene: Path, parameters: Mapping[str, str]) -> None:
-    """Refuse a file of a spectrum, which the parser opens, if it is no regular file or too large.
+    """Check the files of spectra that Mitsuba's parser opens: they must be regular files, and not too large.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def check_spectra(scene: Path, parameters: Mapping[str, str]) -> None:
     Raises
     ------
     InputError
-        if there is such a file; the message names it.
+        if a file is not allowed; the message names it.
     """
     for file, root in read_scene_file(scene):
         for element in root.iter("spectrum"):
@@ -41,7 +42,7 @@ def check_spectra(scene: Path, parameters: Mapping[str, str]) -> None:
 
 
 def check_named_files(plugins: Iterable[mi.Properties]) -> None:
-    """Refuse a plugin with a word that Mitsuba takes for the name of a file, if that is no regular file or too large.
+    """Check the files that the plugins of a scene open: they must be regular files, and not too large.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ def check_named_files(plugins: Iterable[mi.Properties]) -> None:
     Raises
     ------
     InputError
-        if there is such a word; the message names it.
+        if a file is not allowed; the message names it.
     """
     for props in plugins:
         for name in props.keys():  # noqa: SIM118

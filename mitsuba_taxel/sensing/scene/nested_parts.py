@@ -15,7 +15,7 @@ _ON_SURFACES = {"annular_led": "rectangle or a photo_reflector", "area": "shape"
 
 
 def unused_parts(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) -> dict[str, str]:
-    """Error messages for objects in a parsed scene or shape that would have no effect.
+    """Find objects nested in a parsed scene or shape that would have no effect, with an error message for each.
 
     The plugins of this package refuse unknown objects themselves, except media; see `Specification.unknown`.
 
@@ -38,7 +38,8 @@ def unused_parts(nodes: list[mi.parser.SceneNode], node: mi.parser.SceneNode) ->
 
 
 def _unused(node: mi.parser.SceneNode, name: str, child: mi.parser.SceneNode) -> str:
-    """The error message for an object nested in another by this name; empty if it may have an effect."""
+    """The error message for the object ``child`` that is nested in ``node`` under this name; empty if the object may
+    have an effect."""
     plugin, nested = node.props.plugin_name(), child.props.plugin_name()
     if node.type == mi.ObjectType.Scene and nested in _ON_SURFACES:
         return f"{nested}: it must be nested in a {_ON_SURFACES[nested]}."

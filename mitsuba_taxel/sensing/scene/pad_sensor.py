@@ -1,4 +1,4 @@
-"""A whole sensor as one Python object, and the scene that it makes."""
+"""A whole tactile sensor as one Python object."""
 
 from __future__ import annotations
 
@@ -33,35 +33,35 @@ from mitsuba_taxel.specification.wall import ABSORBING, ISOTROPIC, Wall
 
 @dataclass(frozen=True)
 class PadSensor(Displayed):
-    """A pad on a board with one photo-reflector in each cell.
+    """A tactile sensor: a pad on a board with one photo-reflector in each cell.
 
     Parameters
     ----------
     pad : Pad
         The pad.
     material : Material or Viscoelastic
-        Law of the silicone: a law with a name, such as `NeoHookean`, or `Viscoelastic` with such a law.
+        Material law of the silicone, such as `NeoHookean`, or `Viscoelastic` with such a law.
     force : sequence of float
-        Total force (Fx, Fy, Fz), in N; compression is Fz < 0.
+        Total force (Fx, Fy, Fz) on the pad, in N; compression is Fz < 0.
     load : Load
-        Kind of load: `SpreadForce`, `PatchForce`, `PlateForce` or `IndenterForce`; for `PlateDisplacement` and
-        `IndenterDisplacement` ``force`` is the displacement in mm, for `Pressure` it is ``(pressure,)`` in MPa.
+        Kind of load: `SpreadForce`, `PatchForce`, `PlateForce` or `IndenterForce`. With `PlateDisplacement` and
+        `IndenterDisplacement`, ``force`` is the displacement in mm; with `Pressure`, it is ``(pressure,)`` in MPa.
     photo_reflector : PhotoReflector
-        Photo-reflector in each cell; rows, columns and pitch are replaced by those of the pad.
+        Photo-reflector in each cell; its rows, columns and pitch are replaced by those of the pad.
     roof, side : Wall
-        Walls of the cells.
+        Scattering of the roofs and the side walls of the cells.
     time : float
         Time at which the load is reached, in s, for a `Viscoelastic` material.
     history : sequence of (float, sequence of float)
-        Earlier times and values of the load, linear in between, for such a material or
-        an indenter with friction.
+        Earlier times in s and values of the load, linear in between, for a viscoelastic material or an indenter with
+        friction.
     finish : LayerSteps or Grooves or RandomRoughness or SeparateFinish, optional
-        Texture of roof and side; smooth by default.
+        Texture of roofs and side walls; smooth by default.
 
     Raises
     ------
     InputError
-        if a part is of another type.
+        if a part has the wrong type.
     """
 
     pad: Pad = field(default_factory=Pad)
@@ -95,7 +95,7 @@ class PadSensor(Displayed):
 
     @in_turn
     def scene(self) -> Scene:
-        """The scene, ready to measure, write or load.
+        """Make the scene of the sensor, for :func:`measure`, for writing or for loading.
 
         Returns
         -------
@@ -127,7 +127,7 @@ class PadSensor(Displayed):
         return Scene(description)
 
     def _parts(self) -> tuple[DeformablePad, PhotoReflector]:
-        """Specifications of the plugins; raises `InputError` if one of them is invalid."""
+        """Specifications of the plugins of the scene; raises `InputError` if one is invalid."""
         pad, walls = self.pad, Region(roof=self.roof, side=self.side)
         past = {"time": self.time, "history": _rows(self.history)}
         deformed = DeformablePad.of(pad, self.material, self.load, self.force, self.finish, bsdf=walls, **past)
@@ -135,7 +135,7 @@ class PadSensor(Displayed):
 
 
 def _rows(history: object) -> str:
-    """Times and values of a load in the format of a scene; raises `InputError`."""
+    """Format the times and values of a load history as in a scene; raises `InputError` if they are invalid."""
 
     def is_row_of_load(row: Any) -> bool:
         return is_row(row, lambda entry: is_number(entry) or is_row(entry, is_number)) and len(row) == 2

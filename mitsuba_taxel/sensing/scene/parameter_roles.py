@@ -1,4 +1,5 @@
-"""Roles of the parameters of a scene, from where they are used: components of loads, times, positions of indenters."""
+"""Roles of the parameters of a scene, such as component of a load, time or position of an indenter. The role follows
+from the places where the parameter is used."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ _COMPONENTS = {
 
 
 def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
-    """The role of each parameter of an XML scene: the parameter of a plugin that uses it.
+    """Find the role of each parameter of an XML scene: the parameter of a plugin that takes its value.
 
     Parameters
     ----------
@@ -33,11 +34,11 @@ def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     Returns
     -------
     dict[str, tuple[str, int]]
-        Role and sign by name of the parameter; the sign is -1 for a parameter that is used as ``-$name``, else 1. A
-        role is the name of a plugin's parameter, such as ``pressure`` or ``indenter_x``; of a vector, with ``_x``,
-        ``_y`` or ``_z``, as ``translate_x``; and one of ``fx``, ``fy``, ``fz``, ``ux``, ``uy``, ``uz`` of the load of a
-        `deformable_pad`. Parameters with several uses that differ, and roles that several parameters have, are left
-        out.
+        Role and sign, by name of the scene's parameter. The sign is -1 for a parameter that is used as ``-$name``, else
+        1. The role is the name of a plugin's parameter, such as ``pressure`` or ``indenter_x``; for a component of a
+        vector, the name is followed by ``_x``, ``_y`` or ``_z``, as in ``translate_x``; for the load of a
+        `deformable_pad`, the role is ``fx``, ``fy``, ``fz``, ``ux``, ``uy`` or ``uz``. Parameters with different uses,
+        and roles of several parameters, are left out.
     """
     uses_of: dict[str, set[tuple[str, int] | None]] = {}
     for role, word in _uses(scene):
@@ -51,7 +52,7 @@ def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
 
 
 def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
-    """The parameters of an XML scene that are a component of the force of its `deformable_pad`s, and nothing else.
+    """Find the parameters of an XML scene that are used only as a component of the force on its `deformable_pad`s.
 
     Parameters
     ----------
@@ -61,9 +62,9 @@ def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
     Returns
     -------
     dict[str, tuple[str, int]]
-        Component of the force (one of `FORCES`) and sign by name of the parameter; the sign is -1 for a parameter that
-        is used as ``-$name``, else 1. In scenes of other plugins, a parameter with the name of a component counts as
-        that component, if nothing uses it in a force or in a unit other than N.
+        Component of the force (one of `FORCES`) and sign, by name of the parameter. The sign is -1 for a parameter that
+        is used as ``-$name``, else 1. A parameter with the name of a component also counts as that component if it is
+        not used in a force, and only in the unit N.
     """
     in_force = {name: role for name, role in roles_of_parameters(scene).items() if role[0] in FORCES}
     uses: dict[str, set[str]] = {}
@@ -80,7 +81,8 @@ def forces_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
 
 
 def load_constants(scene: Path) -> dict[str, str]:
-    """The components of the load of a scene's pad that are numbers, by role: ``0.1`` of ``0.1, 0, $fz`` for ``fx``.
+    """Find the components of the load of a scene's pad that are constant numbers: in ``0.1, 0, $fz``, ``fx`` is ``0.1``
+    and ``fy`` is ``0``.
 
     Parameters
     ----------
@@ -90,14 +92,15 @@ def load_constants(scene: Path) -> dict[str, str]:
     Returns
     -------
     dict[str, str]
-        Values by role.
+        Values as text, by role.
     """
     loads = (*_COMPONENTS.values(), "pressure")
     return {role: word.strip() for role, word in _uses(scene) if role in loads and "$" not in word and word.strip()}
 
 
 def _uses(scene: Path) -> Iterator[tuple[str, str]]:
-    """Each role in a scene, with the word for its value; the role is blank for other attributes."""
+    """Iterate over the roles in a scene, each with the text of its value; attributes without a role have an empty
+    role."""
     for root in (root for _, root in read_scene_file(scene)):
         for parent in root.iter():
             for element in parent:
@@ -106,7 +109,7 @@ def _uses(scene: Path) -> Iterator[tuple[str, str]]:
 
 
 def _words(element: ElementTree.Element, of_pad: bool) -> Iterator[tuple[str, str]]:
-    """The roles that an element gives, with their words."""
+    """Iterate over the roles that an XML element defines, each with the text of its value."""
     attributes = dict(element.attrib)
     value = attributes.pop("value", "")
     quantity = attributes.pop("name", "") if element.tag != "translate" else "translate"

@@ -1,4 +1,4 @@
-"""Units of a scene's own parameters, from those of the plugins' parameters that use them."""
+"""Units of a scene's parameters, from the units of the plugins' parameters that take their values."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _NAME = re.compile(r"(?:^|[\s,])-?\$(\w+)(?=$|[\s,])")
 
 
 def units_of_parameters(scene: Path) -> dict[str, str]:
-    """The unit of each ``<default>`` of an XML scene whose unit is known, ``1`` if dimensionless.
+    """Find the units of the ``<default>`` elements of an XML scene.
 
-    The unit is that of the parameters of plugins, the translations and the rotations that use the ``<default>``. It is
-    left out if its uses have different units.
+    The unit is that of the plugins' parameters, translations and rotations that use the ``<default>``. A ``<default>``
+    without a known unit, or with uses of different units, is left out.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
     Returns
     -------
     dict[str, str]
-        Units by name, in alphabetical order.
+        Units by name, in alphabetical order; ``1`` for a dimensionless parameter.
     """
     units: dict[str, set[str]] = {}
     for unit, text in _uses(scene):
@@ -38,7 +38,7 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
 
 
 def _uses(scene: Path) -> Iterator[tuple[str, str]]:
-    """Pairs of a unit and the value of an attribute in that unit."""
+    """Iterate over pairs of a unit and the text of an attribute with that unit."""
     for element in (element for _, root in read_scene_file(scene) for element in root.iter()):
         specification = specifications().get(element.get("type", ""))
         parameters = {} if specification is None else specification.values()

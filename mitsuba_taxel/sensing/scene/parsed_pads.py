@@ -1,4 +1,4 @@
-"""The pads of a parsed scene, before they are built: their order, packages, meshes and loads."""
+"""Changes to the pads of a parsed scene before they are built: order, packages, meshes and loads."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ def pads_of(state: mi.parser.ParserState) -> list[mi.Properties]:
 
 
 def build_pads_last(state: mi.parser.ParserState) -> None:
-    """Build pads after all other objects of a scene, so that errors in those are reported before a pad is solved."""
+    """Move the pads of a parsed scene behind all other objects, so that errors in these are reported before a pad is
+    solved."""
     import mitsuba as mi
 
     root = state.nodes[0].props
@@ -28,7 +29,7 @@ def build_pads_last(state: mi.parser.ParserState) -> None:
 
 
 def announce_packages(state: mi.parser.ParserState) -> None:
-    """Keep the pads of a scene with packages undeformed until `heed_packages` is called."""
+    """Mark the pads of a scene with packages, so that they are not deformed before `heed_packages` is called."""
     import mitsuba as mi
 
     from mitsuba_taxel.kernels.protocols import AWAITED_PACKAGE
@@ -39,7 +40,7 @@ def announce_packages(state: mi.parser.ParserState) -> None:
 
 
 def move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> None:
-    """Let pads of built-in shapes move the meshes of other pads, their origins."""
+    """Let pads of built-in shapes use the meshes of other pads (``origins``), moved to their own dimensions."""
     from mitsuba_taxel.pads import Pad
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
@@ -53,7 +54,8 @@ def move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> None
 
 
 def take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float], list[tuple[float, ...]]]]:
-    """Remove the load of a pad and its history, and return its value and the history."""
+    """Remove the load and the load history of a pad, and return the value of the load, and times and values of the
+    history."""
     from mitsuba_taxel.mechanics.elements.loads import Load
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
 

@@ -1,4 +1,4 @@
-"""Checks of a scene that is parsed but not built, in milliseconds."""
+"""Checks of a scene that is parsed but not built; they take milliseconds."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from mitsuba_taxel.specification.specification import Specification
 
 
 def refusal_of(scene: Scene) -> InputError | None:
-    """The error that a plugin of this package would raise for a scene, or None.
+    """Find the error that a plugin of this package would raise for a scene, without building the scene.
 
     Parameters
     ----------
     scene : Scene
-        Scene described, not loaded.
+        Description of the scene; it need not be loaded.
 
     Returns
     -------
     InputError or None
-        The error, which is not raised.
+        The error, which is not raised; None if the plugins accept the scene.
     """
     with scene.files_beside_it():
         try:
@@ -44,7 +44,7 @@ def refusal_of(scene: Scene) -> InputError | None:
 
 
 class _Props:
-    """Properties of a parsed object, with nested objects in the form that they have when built."""
+    """Properties of a parsed object, with its nested objects in the form that the built object has."""
 
     def __init__(self, props: mi.Properties, nodes: Sequence[mi.parser.SceneNode]) -> None:
         self._props, self._nodes = props, nodes

@@ -1,4 +1,4 @@
-"""Mitsuba's parser: its settings, transformations out of range, and its messages as ours."""
+"""Mitsuba's parser: its settings, the check of transformations, and the conversion of its errors."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Described(Protocol):
 
 
 def far_transforms(props: mi.Properties) -> dict[str, str]:
-    """Error messages for transformations of an object with numbers that are not allowed.
+    """Find transformations of an object with numbers that are not allowed, with an error message for each.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def far_transforms(props: mi.Properties) -> dict[str, str]:
 
 
 def guilty_parameters(parameters: Mapping[str, str]) -> str:
-    """The parameters whose numbers are not finite or exceed :data:`FURTHEST`, for a message.
+    """List the parameters whose numbers are not finite or exceed :data:`FURTHEST`, as a part of a message.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def guilty_parameters(parameters: Mapping[str, str]) -> str:
     Returns
     -------
     str
-        Names in brackets, after a blank; empty if there are none.
+        A blank and the names in brackets; empty if there are none.
     """
     guilty = [f"{name} = {value}" for name, value in parameters.items() if not _is_near(value)]
     return f" (parameter {', '.join(guilty)})" if guilty else ""
@@ -103,7 +103,8 @@ def parser_config(variant: str) -> mi.parser.ParserConfig:
 
 
 def as_own_error(error: RuntimeError, scene: Described) -> InputError | ComputationError:
-    """The error for a scene that Mitsuba cannot build: its message as one line, without traceback or source location.
+    """Convert the error of a scene that Mitsuba cannot build: the message becomes one line, without traceback or source
+    location.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def as_own_error(error: RuntimeError, scene: Described) -> InputError | Computat
     Returns
     -------
     InputError or ComputationError
-        To be raised in its place.
+        The error to raise instead.
 
     Raises
     ------
@@ -148,20 +149,20 @@ def as_own_error(error: RuntimeError, scene: Described) -> InputError | Computat
 
 
 def with_own_parameters(message: str, scene: Described) -> str:
-    """A message about parameters of plugins, with the parameters of the scene that supply the values it refuses.
+    """Add to an error message about plugins' parameters the scene's parameters that supply the refused values.
 
     Parameters
     ----------
     message : str
-        It shows each value as ``name = value``, or begins with the name of the plugin's parameter.
+        Message that shows each refused value as ``name = value``, or begins with the name of the plugin's parameter.
     scene : Described
-        Scene from a file; a scene made in Python has no such parameters.
+        The scene. A scene made in Python has no parameters, and its messages are not changed.
 
     Returns
     -------
     str
-        The message, with ``(parameter roof = 1.2)`` before its last full stop if ``$roof`` supplies such a value. A
-        parameter of the same name as that of the plugin is not repeated.
+        The message, with ``(parameter roof = 1.2)`` before its last full stop if ``$roof`` supplies the refused value.
+        A parameter with the same name as the plugin's parameter is not repeated.
     """
     if not isinstance(scene.source, Path):
         return message
@@ -183,7 +184,7 @@ def with_own_parameters(message: str, scene: Described) -> str:
 
 
 def _begins_with(text: str, value: str) -> bool:
-    """Whether a text begins with a value of a scene, which messages show as a number, a word or a tuple."""
+    """Whether a text begins with a value of a scene; messages show values as numbers, words or tuples."""
     value = value.strip()
     try:
         numbers = [float(word) for word in re.split(r"[\s,]+", value)]

@@ -21,7 +21,7 @@ LARGEST_SCENE = 1 << 26
 
 
 def read_scene_file(path: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
-    """The file and its root, then those of all files that it includes.
+    """Read the XML file of a scene, and then all files that it includes.
 
     Parameters
     ----------
@@ -31,13 +31,13 @@ def read_scene_file(path: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
     Yields
     ------
     tuple[Path, ElementTree.Element]
-        Each file and its root.
+        Path and root element of each file.
 
     Raises
     ------
     InputError
-        if one of them cannot be read, is not XML, is nested too deeply for Mitsuba, or includes itself, or there are
-        more than :data:`MOST_INCLUDED`.
+        if a file cannot be read, is not XML, is nested too deeply for Mitsuba, or includes itself, or if there are more
+        than :data:`MOST_INCLUDED` files.
     """
     for number, read in enumerate(_read(path, ())):
         if number > MOST_INCLUDED:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def deformed_pads(scene: mi.Scene) -> list[PadShape]:
-    """The `deformable_pad`s of an ``mi.Scene``, loaded or not.
+    """Find the `deformable_pad`s of a loaded scene, whether a load acts on them or not.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def deformed_pads(scene: mi.Scene) -> list[PadShape]:
 
 
 def loaded_pads(scene: mi.Scene) -> list[PadShape]:
-    """The `deformable_pad`s of a scene that are displaced by their load, or by an earlier load.
+    """Find the `deformable_pad`s of a scene that are displaced by their present load or an earlier load.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def is_touched(scene: mi.Scene) -> bool:
 
 
 def contact_notes(scene: mi.Scene) -> list[str]:
-    """Sentences that name the cells whose walls rest on packages.
+    """Describe which cells rest on packages with their walls.
 
     Parameters
     ----------

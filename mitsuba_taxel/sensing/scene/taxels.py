@@ -11,7 +11,7 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 
 def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
-    """Pairs of LEDs and phototransistors, in the order of the scene.
+    """Pair the LEDs and phototransistors of a scene, in their order in the scene.
 
     Parameters
     ----------
@@ -21,12 +21,13 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
     Returns
     -------
     list[TaxelPair]
-        Arrays of LEDs and phototransistors.
+        Pairs of an array of LEDs and an array of phototransistors.
 
     Raises
     ------
     InputError
-        if an emitter is not an `annular_led`, a sensor not a `phototransistor`, or their numbers differ.
+        if an emitter is not an `annular_led`, if a sensor is not a `phototransistor`, or if the numbers of LEDs and
+        phototransistors differ.
     """
     leds = scene.emitters()
     sensors = scene.sensors()
@@ -43,7 +44,7 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
 
 
 def refuse_foreign_sensors(scene: mi.Scene) -> None:
-    """Raise an InputError unless a scene has emitters and phototransistors, and no sensors of other kinds."""
+    """Raise `InputError` if a scene lacks emitters or phototransistors, or has sensors of other kinds."""
     emitters, sensors = scene.emitters(), scene.sensors()
     for sensor in sensors:
         if not is_phototransistor(sensor):

@@ -1,4 +1,4 @@
-"""The text of a scene as XML, with its parameters as `<default>`s: those of its file, or those of its plugins."""
+"""A scene as the text of an XML file, with its values as `<default>` elements."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def scene_text(
     parameters: Mapping[str, str],
     most: int,
 ) -> str:
-    """XML that Mitsuba parses to the same values.
+    """Convert a parsed scene to XML text that Mitsuba parses to the same values.
 
     Parameters
     ----------
@@ -50,23 +50,24 @@ def scene_text(
     config : mi.parser.ParserConfig
         Settings of the parser.
     folder : Path
-        Folder of the file that will hold the text: files that are not found from there are named by their full paths.
+        Folder of the file that will hold the text. Files that are not found relative to it are named by their full
+        paths.
     file : Path or None
-        The XML file that the scene is from, whose uses of parameters are kept; None for a scene made in Python. There,
-        each number of a plugin, and each word of a plugin of this package, becomes a parameter of the same name.
-        Components of forces are fx, fy, fz, those of displacements ux, uy, uz, and those of other vectors such as
-        `body_x`. The names in the dictionary precede the name, as in `roof_reflectance`, if several plugins have the
-        parameter, and always for a `wall`.
+        The XML file of the scene, whose parameters are kept; None for a scene made in Python. In a scene made in
+        Python, each number of a plugin, and each word of a plugin of this package, becomes a parameter of the same
+        name. Components of forces become fx, fy, fz, those of displacements ux, uy, uz, and those of other vectors
+        names such as `body_x`. If several plugins have a parameter of the same name, and always for a `wall`, the keys
+        of the dictionary precede the name, as in `roof_reflectance`.
     parameters : Mapping[str, str]
-        Values for a scene from a file, by name.
+        Values of the parameters of a scene from a file, by name.
     most : int
         Largest number of parameters.
 
     Returns
     -------
     str
-        The document. It has no parameters if Mitsuba would read other values with them, because objects are shared in a
-        way that cannot be represented.
+        The XML document. If objects are shared in a way that parameters cannot represent, it has no parameters, so that
+        Mitsuba reads the right values.
     """
     import mitsuba as mi
 
@@ -89,7 +90,7 @@ def scene_text(
 
 
 def _without_defaults(root: ElementTree.Element) -> ElementTree.Element:
-    """Mitsuba's text without the parameters that it invents, such as `resx` for any width, but with their values."""
+    """Replace the parameters that Mitsuba's writer invents, such as `resx` for any width, by their values."""
     values = {element.get("name", ""): element.get("value", "") for element in root.findall("default")}
     for element in root.findall("default"):
         root.remove(element)
@@ -104,7 +105,7 @@ def _without_defaults(root: ElementTree.Element) -> ElementTree.Element:
 
 
 def _name_values(root: ElementTree.Element, most: int) -> dict[str, str]:
-    """Replace values of plugins by parameters, and return the values by name."""
+    """Replace values of plugins by parameters, and return the values by name of the parameter."""
     values = [value for plugin in root for value in _values_of(plugin, ()) if plugin.tag != "scene"]
     shared = {(path[-1], element.get(key, "")) for element, key, path, kind in values if kind == "deformable_pad"}
     shared &= {(path[-1], element.get(key, "")) for element, key, path, kind in values if kind == "photo_reflector"}
@@ -129,7 +130,8 @@ def _name_values(root: ElementTree.Element, most: int) -> dict[str, str]:
 def _values_of(
     plugin: ElementTree.Element, outer_names: tuple[str, ...]
 ) -> Iterator[tuple[ElementTree.Element, str, tuple[str, ...], str]]:
-    """Each value of a plugin that can be a parameter: element, attribute, names from the outside in, kind of plugin."""
+    """Iterate over the values of a plugin that can be parameters: XML element, attribute, names from the outermost
+    object to the value, and kind of plugin."""
     kind = plugin.get("type", "")
     is_own = specifications().get(kind) is not None
     path = (*outer_names, _word(plugin.get("name") or plugin.get("id") or kind))
@@ -152,7 +154,7 @@ def _word(name: str) -> str:
 
 
 def _put_back(root: ElementTree.Element, file: Path, parameters: Mapping[str, str]) -> None:
-    """Replace values by the parameters of the file that the scene is from, plugin by plugin."""
+    """Replace values by the parameters that the scene's file uses for them, plugin by plugin."""
     # Plugins of one kind are in the same order in both texts.
     plugins: dict[tuple[str, str], list[ElementTree.Element]] = {}
     for plugin in (element for element in root.iter() if element.get("type")):
@@ -175,7 +177,8 @@ def _put_back(root: ElementTree.Element, file: Path, parameters: Mapping[str, st
 
 
 def _plugins_of(element: ElementTree.Element, file: Path, absent: set[str]) -> Iterator[ElementTree.Element]:
-    """The objects of a scene in the order of the text, with those of included files where they are included."""
+    """Iterate over the objects of a scene in the order of the text; those of included files come where they are
+    included."""
     for child in element:
         if child.tag == "include":
             inner = file.parent / child.get("filename", "")

@@ -1,4 +1,5 @@
-"""Checks that readings of a loaded scene would be right: what is not modelled is refused, with the object and a remedy.
+"""Checks that the readings of a loaded scene would be right. Objects and effects that are not modelled are refused with
+an error that names the object and a remedy.
 
 Input: loaded scenes. Output: errors and warnings. Some checks trace a few rays through the scene.
 """

@@ -1,4 +1,5 @@
-"""Checks of a loaded scene before it is read, which are skipped if it has not changed since they last passed."""
+"""Checks of a loaded scene before light is traced; they are skipped if the scene has not changed since they last
+passed."""
 
 from __future__ import annotations
 
@@ -11,14 +12,15 @@ from mitsuba_taxel.sensing.validity.probes import refuse_unreadable
 
 
 def check_readable(scene: mi.Scene, integrator: mi.Integrator) -> None:
-    """Refuse a scene whose readings would be wrong, or would not end.
+    """Check that the readings of a scene would be right, and that their computation would end; raise an error
+    otherwise.
 
     Parameters
     ----------
     scene : mi.Scene
         A loaded scene.
     integrator : mi.Integrator
-        The integrator that reads it.
+        The integrator that traces its light.
 
     Raises
     ------
@@ -38,7 +40,8 @@ def check_readable(scene: mi.Scene, integrator: mi.Integrator) -> None:
 
 
 def known_points(scene: mi.Scene) -> dict[float, int]:
-    """Points per taxel and replicate by relative error of the light, as pilot runs of the checked scene found them.
+    """Cache of the pilot runs of a checked scene: number of points per taxel and replicate, by the relative error of
+    the light that they reach.
 
     Callers add to this dictionary.
     """
@@ -52,7 +55,7 @@ def _keeper(scene: mi.Scene) -> PhototransistorSensor | None:
 
 
 def _state_of(scene: mi.Scene, integrator: mi.Integrator) -> SceneState | None:
-    """State of a scene, for comparison; None if it holds parts whose state is unknown."""
+    """State of a scene, for comparison; None if the scene contains objects whose state cannot be read."""
     try:
         return SceneState(scene, integrator)
     except UnknownState:

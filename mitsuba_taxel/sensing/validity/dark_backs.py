@@ -1,4 +1,5 @@
-"""Mitsuba's own walls that reflect on one side only, and face an LED with the other side."""
+"""Warnings of surfaces with one of Mitsuba's own BSDFs that reflects on one side only, if their black back faces an
+LED."""
 
 from __future__ import annotations
 
@@ -16,10 +17,10 @@ _NEGLIGIBLE = 0.01
 
 
 def dark_backs(scene: mi.Scene) -> dict[int, str]:
-    """Warnings of shapes that face an LED with a black back.
+    """Find shapes that face an LED with a black back, with a warning for each.
 
-    Light of each LED is followed to the first wall. The back of a wall is black if it reflects nothing where the front
-    would reflect light.
+    Rays from each LED are traced to the first surface. The back of a surface is black if it reflects nothing where the
+    front would reflect light.
 
     Parameters
     ----------
@@ -29,7 +30,7 @@ def dark_backs(scene: mi.Scene) -> dict[int, str]:
     Returns
     -------
     dict[int, str]
-        Sentences by the index of the shape in the scene.
+        Warning by the index of the shape in the scene.
     """
     if not any(wall is not None and _is_one_sided(wall) for wall in walls_of(scene)):
         return {}
@@ -53,7 +54,8 @@ def _is_one_sided(wall: mi.BSDF) -> bool:
 
 
 def _hits(scene: mi.Scene, led: LedEmitter) -> np.ndarray:
-    """Numbers (_RAYS,) of the shapes whose black backs rays from LEDs meet first, 0 where they meet no black back."""
+    """Trace `_RAYS` rays from LEDs to the first surface. Returns, for each ray, the number of the shape if the ray hits
+    a black back, else 0."""
     sampler = make_plugin("owen_sobol", sample_count=_RAYS)
     sampler.seed(0, _RAYS)
     index = sampler.index % dr.opaque(mi.UInt32, led.faces.count)

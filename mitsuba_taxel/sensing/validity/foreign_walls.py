@@ -1,4 +1,4 @@
-"""Refusal of Mitsuba's own BSDFs with which readings would be wrong, or fail without a helpful message."""
+"""Refusal of Mitsuba's own BSDFs for which readings would be wrong, or would fail without a helpful message."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ _SHARES = ("reflectance", "transmittance", "base_color")
 
 
 def refuse_foreign_walls(scene: mi.Scene, plugin: str) -> None:
-    """Refuse Mitsuba's own BSDFs that create light, cannot be evaluated, or are not supported by the integrator.
+    """Raise `InputError` for Mitsuba's own BSDFs that reflect more light than they receive, that cannot be evaluated,
+    or that the integrator does not support.
 
     Parameters
     ----------
     scene : mi.Scene
         A loaded scene.
     plugin : str
-        Mitsuba's integrator that reads the scene; empty for an integrator of this package.
+        Name of Mitsuba's integrator for the scene; empty for an integrator of this package.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def refuse_foreign_walls(scene: mi.Scene, plugin: str) -> None:
 
 
 def _refuse_more_than_all(wall: mi.BSDF) -> None:
-    """Raise for a fraction of the light outside 0 to 1."""
+    """Raise `InputError` for a reflectance or other fraction of the light outside 0 to 1."""
     for name, value in mi.traverse(wall).items():
         *path, last = name.split(".")
         if last not in ("value", "data") or not any(word.endswith(_SHARES) for word in path):
@@ -62,7 +63,8 @@ def _refuse_more_than_all(wall: mi.BSDF) -> None:
 
 
 def _refuse_unevaluated(wall: mi.BSDF) -> None:
-    """Raise for a BSDF that Mitsuba cannot evaluate in this variant, such as a bump map with a checkerboard."""
+    """Raise `InputError` for a BSDF that Mitsuba cannot evaluate in this variant, such as a bump map with a
+    checkerboard."""
     try:
         wall.eval(mi.BSDFContext(), dr.zeros(mi.SurfaceInteraction3f, 1), mi.Vector3f(0, 0, 1))
     except RuntimeError as error:

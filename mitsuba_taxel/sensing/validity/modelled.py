@@ -1,4 +1,4 @@
-"""Refusal of scenes whose readings would be wrong, common to `measure` and `taxel check`."""
+"""Refusal of scenes whose readings would be wrong, for `measure` and `taxel check`."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ origin; at this limit, 27 mm with the NJL5908AR, readings of a domed cell change
 
 
 def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
-    """Refuse a scene whose readings would leave out light, or would be wrong for another reason.
+    """Raise an error for a scene whose readings would miss light, or would be wrong for another reason.
 
     Parameters
     ----------
     scene : mi.Scene
-        Loaded; or any object with ``shapes()``, ``emitters()`` and ``sensors()``.
+        A loaded scene, or any object with ``shapes()``, ``emitters()`` and ``sensors()``.
     integrator : mi.Integrator
-        The integrator that reads it.
+        The integrator that traces its light.
 
     Raises
     ------
     InputError
-        if the integrator does not support the scene, LEDs and phototransistors cannot be paired, or another surface
-        coincides with one of them.
+        if the integrator does not support the scene, if LEDs and phototransistors cannot be paired, or if another
+        surface coincides with an LED or a phototransistor.
     ComputationError
         if a deformed pad touches a package without `self_contact`.
     """
@@ -84,7 +84,7 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
 
 
 def _refuse_blocks(scene: mi.Scene) -> None:
-    """Raise for a pad without cells, as photo-reflectors need cells."""
+    """Raise `InputError` for a pad without cells, because photo-reflectors need cells."""
     for pad in filter(is_pad, scene.shapes()):
         from mitsuba_taxel.pads import Block  # a scene without a pad omits it
 
@@ -95,14 +95,14 @@ def _refuse_blocks(scene: mi.Scene) -> None:
 
 
 def _refuse_instances(scene: mi.Scene) -> None:
-    """Raise for an instance, whose contents cannot be inspected: unbounded walls, tables of reflectance, media."""
+    """Raise `InputError` for an instance, because its walls and media cannot be inspected."""
     for shape in scene.shapes():
         if kind_of(shape) == "instance":
             raise InputError("instance is not allowed, as its walls cannot be checked: put the shape itself there.")
 
 
 def _refuse_walls_without_area(scene: mi.Scene) -> None:
-    """Raise for a rectangle or disk that is scaled by 0 in its plane, and so reflects nothing."""
+    """Raise `InputError` for a rectangle or disk that is scaled by 0 in its plane, and so reflects nothing."""
     flat = (shape for shape in scene.shapes() if not is_pad(shape) and shape.class_name() in FLAT)
     for shape in flat:
         if not np.cross(*matrix_of(shape)[:3, :2].T).any():
@@ -114,7 +114,7 @@ def _is_mirror(wall: mi.BSDF) -> bool:
 
 
 def _refuse_media(scene: mi.Scene, plugin: str) -> None:
-    """Raise for a participating medium that the integrator does not see."""
+    """Raise `InputError` for a participating medium if the integrator ignores media."""
     if plugin in _THROUGH_MEDIA:
         return
     media = [shape.interior_medium() or shape.exterior_medium() for shape in scene.shapes()]
@@ -126,7 +126,8 @@ def _refuse_media(scene: mi.Scene, plugin: str) -> None:
 
 
 def _refuse_other_windows(scene: mi.Scene) -> None:
-    """Raise if LEDs and phototransistors cannot be paired, or light would go straight from window to window."""
+    """Raise `InputError` if LEDs and phototransistors cannot be paired, or if light would travel directly from the
+    window of one package to that of another."""
     for pair in taxels_of(scene):
         if pair.is_below_windows and not pair.coplanar:
             raise InputError(
@@ -136,10 +137,11 @@ def _refuse_other_windows(scene: mi.Scene) -> None:
 
 
 def _refuse_unseen_emitters(scene: mi.Scene, plugin: str) -> None:
-    """Raise if Mitsuba's integrators would leave out light that goes straight from an emitter to a phototransistor.
+    """Raise `InputError` if Mitsuba's integrators would miss light that travels directly from an emitter to a
+    phototransistor.
 
-    Their rays start at a phototransistor, and never meet a point or follow a single direction. With ``ptracer``, light
-    from infinity was 3 % too strong.
+    The rays of these integrators start at a phototransistor, and never hit a point light or follow a single direction.
+    With ``ptracer``, light from infinity was 3 % too strong.
     """
     for emitter in scene.emitters():
         flags, kind = emitter.flags(), kind_of(emitter)
@@ -154,7 +156,7 @@ def _refuse_unseen_emitters(scene: mi.Scene, plugin: str) -> None:
 
 
 def _refuse_samplers(scene: mi.Scene) -> None:
-    """Raise for a phototransistor with another sampler than owen_sobol."""
+    """Raise `InputError` for a phototransistor with a sampler other than owen_sobol."""
     for sensor in scene.sensors():
         sampler = sensor.sampler()
         if not is_owen_sobol(sampler):
@@ -162,7 +164,8 @@ def _refuse_samplers(scene: mi.Scene) -> None:
 
 
 def _refuse_unseen_indenters(scene: mi.Scene) -> None:
-    """Raise if light may leave a pad towards an indenter, which is no surface of the scene."""
+    """Raise `InputError` if light may leave a pad towards an indenter, which is not a surface of the scene and would
+    not block it."""
     for shape in scene.shapes():
         if not is_pad(shape) or shape.specification.indenter is None:
             continue
@@ -176,7 +179,8 @@ def _refuse_unseen_indenters(scene: mi.Scene) -> None:
 
 
 def _refuse_moved_packages(scene: mi.Scene) -> None:
-    """Raise if a package was moved, so that its LED and phototransistor are elsewhere."""
+    """Raise `InputError` if the vertices of a package were changed, because its LED and phototransistor do not
+    follow."""
     for shape in scene.shapes():
         if is_package(shape) and not shape.is_as_built():
             raise InputError(
@@ -186,7 +190,8 @@ def _refuse_moved_packages(scene: mi.Scene) -> None:
 
 
 def _refuse_far_faces(scene: mi.Scene, ours: bool) -> None:
-    """Raise for an LED or phototransistor so far from the origin that rounding, or ray offsets, change readings."""
+    """Raise `InputError` for an LED or phototransistor so far from the origin that rounding or ray offsets would change
+    readings."""
     for end in (*scene.emitters(), *scene.sensors()):
         if not has_faces(end):
             continue

@@ -1,4 +1,5 @@
-"""Test rays that detect scenes without a reading: light that is never absorbed, and gaps that paths hardly enter."""
+"""Test rays that detect scenes whose readings cannot be computed: light that is never absorbed, or gaps that light
+paths hardly enter."""
 
 from __future__ import annotations
 
@@ -23,19 +24,20 @@ _PATHS, _REFLECTIONS, _LEFT = 256, 4096, 0.75
 
 
 def refuse_unreadable(scene: mi.Scene, integrator: mi.Integrator) -> None:
-    """Refuse a scene whose light is never absorbed, or whose LED is hardly ever found by paths of `taxel_path`.
+    """Raise an error for a scene whose light is never absorbed, or whose LED is hardly ever found by paths of
+    `taxel_path`.
 
     Parameters
     ----------
     scene : mi.Scene
         A loaded scene.
     integrator : mi.Integrator
-        The integrator that reads it.
+        The integrator that traces its light.
 
     Raises
     ------
     ComputationError
-        if the scene is refused.
+        if one of both is detected; the message has a remedy.
     """
     if getattr(integrator, "max_depth", None) in (None, -1):
         _refuse_endless_light(scene)
@@ -44,7 +46,7 @@ def refuse_unreadable(scene: mi.Scene, integrator: mi.Integrator) -> None:
 
 
 def _refuse_endless_light(scene: mi.Scene) -> None:
-    """Raise if most of the light remains after many reflections."""
+    """Raise `ComputationError` if most of the light remains after `_REFLECTIONS` reflections."""
     ends = (*scene.emitters(), *scene.sensors())
     if not all(has_faces(end) and _may_return_all(end) for end in ends):
         return  # in a closed cavity light reaches the faces, and ends there
@@ -87,7 +89,7 @@ def _remaining_fraction(scene: mi.Scene, pair: TaxelPair) -> float:
 
 
 def _refuse_narrow_gaps(scene: mi.Scene) -> None:
-    """Raise if a wall is too close above a phototransistor for `taxel_path`."""
+    """Raise `ComputationError` if a wall is too close above a phototransistor for `taxel_path`."""
     for pair in taxels_of(scene):
         sensors, leds = pair.sensor.window.faces.centres, pair.led.window.faces.centres
         normal = pair.sensor.normal

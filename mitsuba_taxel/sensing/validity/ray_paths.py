@@ -1,4 +1,5 @@
-"""Analog light paths: traced from wall to wall, and samples of them for pictures."""
+"""Analog light paths, which are reflected or absorbed as photons are: tracing from wall to wall, and samples for
+pictures."""
 
 from __future__ import annotations
 
@@ -30,11 +31,11 @@ _MOST_BATCHES = 64
 
 
 class PathStep(NamedTuple):
-    """One step of paths, to a surface or out of the scene; one entry per path.
+    """One step of many light paths, to the next surface or out of the scene. Each array has an entry for each path.
 
-    ``active`` marks paths that have not ended, and ``hit`` those of them that meet a surface; ``depth`` is the number
-    of earlier reflections. ``power`` in W arrives along ``ray``, and ``onward`` in W is reflected; ``weight`` is the
-    expected reflected fraction according to the BSDF.
+    ``active`` marks paths that have not ended, and ``hit`` marks active paths that hit a surface. ``depth`` is the
+    number of earlier reflections. The power ``power`` in W arrives along ``ray``, and the power ``onward`` in W is
+    reflected. ``weight`` is the reflected fraction that the BSDF predicts.
     """
 
     depth: mi.UInt32
@@ -50,7 +51,7 @@ class PathStep(NamedTuple):
 def emit(
     scene: mi.Scene, pair: TaxelPair, index: mi.UInt32, sampler: mi.Sampler
 ) -> tuple[mi.Point3f, mi.Ray3f, mi.Float]:
-    """A random ray of light from each of some LEDs.
+    """Sample random rays of light from the LEDs of an array.
 
     Parameters
     ----------
@@ -66,11 +67,11 @@ def emit(
     Returns
     -------
     position : mi.Point3f
-        Position where the ray leaves the package, in mm.
+        Position where each ray leaves its package, in mm.
     ray : mi.Ray3f
-        Ray from there.
+        Ray from this position, in the direction of the light.
     passed : mi.Float
-        Fraction of its power that leaves the package.
+        Fraction of the ray's power that leaves the package.
     """
     source = pair.led.sample_point(index, sampler.next_2d())
     direction = pair.led.sample_direction_of_emission(sampler.next_2d())
@@ -89,29 +90,30 @@ def follow(
     weighted: int,
     visit: Callable[[PathStep], None],
 ) -> None:
-    """Follow light from wall to wall.
+    """Trace light paths from wall to wall, and call a function at each step.
 
-    For the first reflections, paths carry the reflected fraction of their power. Later, they are reflected entirely or
-    not at all, with the fraction as probability: this preserves all expected powers, and ends the paths.
+    At the first ``weighted`` reflections, the power of a path is multiplied by the reflected fraction. At later
+    reflections, the path is reflected with its whole power or ends, with the reflected fraction as probability (Russian
+    roulette). This preserves the expected power at each surface.
 
     Parameters
     ----------
     scene : mi.Scene
         A loaded scene.
     ray : mi.Ray3f
-        Start of each path.
+        First ray of each path.
     power : mi.Float
         Power of each path, in W.
     clearance : mi.Float
-        Offset of rays from surfaces, in mm.
+        Offset of the starts of rays from surfaces, in mm.
     sampler : mi.Sampler
         Source of random numbers.
     most_reflections : int
-        Number of reflections after which a path is abandoned; its last ``onward`` power is then lost.
+        Number of reflections after which a path ends; its last ``onward`` power is lost.
     weighted : int
-        Number of first reflections.
+        Number of first reflections that reduce the power of the path.
     visit : Callable[[PathStep], None]
-        Called at each step.
+        Called at each step with the state of all paths.
     """
     context = mi.BSDFContext(mi.TransportMode.Importance)
     depth = mi.UInt32(0)
@@ -134,14 +136,14 @@ def follow(
 
 
 def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
-    """Mask of the light that hits the front of a phototransistor of the pair, and the index of the phototransistor.
+    """Find the paths that hit the front of a phototransistor in this step.
 
     Parameters
     ----------
     pair : TaxelPair
-        The arrays.
+        The arrays of LEDs and phototransistors.
     step : PathStep
-        Step of the paths.
+        Present step of the paths.
 
     Returns
     -------
@@ -158,22 +160,22 @@ def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
 
 @dataclass(frozen=True)
 class RayPaths:
-    """A sample of one taxel's paths from its LED.
+    """A sample of N light paths from the LED of one taxel.
 
     Attributes
     ----------
     vertices : list of ndarray
-        Vertices for each path Positions (n, 3) in mm, n from 2 to 64: the LED or its window, each reflection, and the
-        end of the path. A path that escapes ends shortly after its last reflection; light that does not leave a package
-        has none.
+        For each path, the positions (V, 3) in mm of its V vertices, from 2 to 64: the LED or its window, each
+        reflection, and the end of the path. A path that escapes ends shortly after its last reflection. Light that does
+        not leave a package has no path.
     reached : (N,) ndarray
-        Mask of the paths that have reached the taxel's own phototransistor.
+        Mask of the paths that reached the taxel's own phototransistor.
     power : (N,) ndarray
         Power in W that each path represents.
     taxel : int
         Number of the taxel, from 1.
     drawn, arrived : int
-        Number of paths traced for this sample, and number of these that reached the phototransistor.
+        Number of paths traced for this sample, and number of traced paths that reached the phototransistor.
     """
 
     vertices: list[np.ndarray]
@@ -193,11 +195,11 @@ def sample_paths(
     seed: int = 0,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> RayPaths:
-    """Paths of light from a taxel's LED, up to half of them reaching its phototransistor.
+    """Sample light paths from a taxel's LED for a picture. If possible, half of them reach its phototransistor.
 
-    At each wall a path is reflected or absorbed with the wall's reflectance as probability. Each path therefore
-    represents the same power: that of the LED divided by the number of paths traced. Up to 1048576 paths are traced to
-    find enough that reach the phototransistor.
+    At each wall, a path is reflected with the wall's reflectance as probability, else absorbed. Each path therefore
+    represents the same power: that of the LED divided by the number of traced paths. Up to 1048576 paths are traced to
+    find enough paths that reach the phototransistor.
 
     Parameters
     ----------
@@ -206,11 +208,11 @@ def sample_paths(
     taxel : int
         Number of the taxel, from 1.
     count : int
-        Paths to return, 1 to 100000; if too few reach the phototransistor, other paths fill up the number.
+        Number of paths to return, 1 to 100000. If too few reach the phototransistor, other paths complete the number.
     seed : int
         Whole number from 0 to 2**32 - 1.
     progress : Callable[[int, int], None]
-        Called with the numbers of paths that reach the phototransistor: found so far, and needed.
+        Called with two numbers of paths that reach the phototransistor: those found so far, and those needed.
 
     Returns
     -------
@@ -243,7 +245,7 @@ def sample_paths(
 
 
 def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
-    """The pair of arrays that holds a taxel, and its index in them.
+    """Find the pair of arrays that holds a taxel, and the index of the taxel in them.
 
     Parameters
     ----------
@@ -255,9 +257,9 @@ def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
     Returns
     -------
     pair : TaxelPair
-        The arrays.
+        The arrays of LEDs and phototransistors.
     index : int
-        Index, from 0.
+        Index of the taxel in the arrays, from 0.
 
     Raises
     ------
@@ -279,8 +281,8 @@ def find_taxel(scene: mi.Scene, taxel: int) -> tuple[TaxelPair, int]:
 
 
 def _draw(scene: mi.Scene, pair: TaxelPair, index: int, seed: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """Vertices of the paths of a batch that leave the package of the LED, and whether each reaches the
-    phototransistor."""
+    """Trace a batch of paths. Returns the vertices of each path that leaves the LED's package, and whether it reaches
+    the phototransistor."""
     sampler = make_plugin("independent")
     sampler.seed(seed, _BATCH)
     lane = dr.arange(mi.UInt32, _BATCH)

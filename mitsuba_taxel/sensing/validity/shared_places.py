@@ -1,4 +1,4 @@
-"""Refusal of coincident surfaces, of which a ray would hit one or the other by chance."""
+"""Refusal of coincident surfaces: chance would decide which of them a ray hits."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ rad."""
 
 
 def refuse_shared_places(scene: mi.Scene) -> None:
-    """Refuse a surface that overlaps an LED or a phototransistor in its plane.
+    """Raise `InputError` for a surface that overlaps an LED or a phototransistor in its plane.
 
-    It would be undefined which of the two a ray hits, and light would leave an LED through a surface on it. A plate
-    that lies face down on all of them is allowed: no light passes from any LED to any phototransistor.
+    It would be undefined which of the two a ray hits, and light would leave an LED through a surface that covers it. A
+    plate that lies face down on all LEDs and phototransistors is allowed: then no light passes from any LED to any
+    phototransistor.
 
     Parameters
     ----------
@@ -55,7 +56,8 @@ def refuse_shared_places(scene: mi.Scene) -> None:
 
 
 def refuse_shared_planes(scene: mi.Scene) -> None:
-    """Refuse rectangles or disks of different walls that overlap in one plane, and pads that overlap in space.
+    """Raise `InputError` for rectangles or disks with different BSDFs that overlap in one plane, and for pads that
+    overlap in space.
 
     Shapes that carry an LED or a phototransistor are checked by `refuse_shared_places`.
 
@@ -86,7 +88,8 @@ def refuse_shared_planes(scene: mi.Scene) -> None:
 
 
 def _is_lid(shape: mi.Shape, faces: Any) -> bool:
-    """Whether a rectangle or disk faces ``faces``, and would cover all of them if it lay in their plane."""
+    """Whether the front of a rectangle or disk is turned towards all of ``faces``, and would cover them all if it lay
+    in their plane."""
     if shape.class_name() not in FLAT:
         return False
     matrix, frame = matrix_of(shape), faces.frame
@@ -102,13 +105,13 @@ def _is_lid(shape: mi.Shape, faces: Any) -> bool:
 
 
 def _outline(shape: mi.Shape) -> np.ndarray:
-    """Corners (K, 3) of a rectangle, or of a disk as a polygon, in world coordinates."""
+    """The K corners (K, 3) of a rectangle, or of a polygon that represents a disk, in world coordinates."""
     return _triangles_of(shape)[0][:-1]
 
 
 def _pairs_in_one_plane(outlines: Sequence[np.ndarray]) -> Iterator[tuple[int, int]]:
-    """Indices of pairs of flat outlines (K, 3) that may overlap: their planes coincide, and their bounding boxes
-    meet."""
+    """Indices of pairs of flat outlines, each an array (K, 3) of K corners, that may overlap: their planes coincide,
+    and their bounding boxes meet."""
     if not outlines:
         return
     centres = np.array([outline.mean(axis=0) for outline in outlines])
@@ -126,7 +129,7 @@ def _pairs_in_one_plane(outlines: Sequence[np.ndarray]) -> Iterator[tuple[int, i
 
 
 def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
-    """Whether two flat convex outlines (K, 3) lie in one plane and overlap."""
+    """Whether two flat convex outlines, each an array (K, 3) of K corners, lie in one plane and overlap."""
     centre, (sides, normal) = first.mean(axis=0), _plane(first)
     size = max(np.abs(first - centre).max(), np.abs(second - centre).max())
     if np.abs((second - centre) @ normal).max() > _ALIKE * size or abs(_plane(second)[1] @ normal) < 1 - _ALIKE:
@@ -137,13 +140,13 @@ def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
 
 
 def _plane(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two axes (3, 2) in the plane of an outline, and its normal."""
+    """Two unit vectors in the plane of an outline, as columns (3, 2), and its normal (3,)."""
     _, _, rows = np.linalg.svd(outline - outline.mean(axis=0))
     return rows[:2].T, rows[2]
 
 
 def _box(pad: PadShape) -> tuple[np.ndarray, np.ndarray]:
-    """Axes (3, 3) of a pad, and the corners (8, 3) of its box without a load, in world coordinates."""
+    """Axes (3, 3) of the bounding box of an undeformed pad, and its eight corners (8, 3), in world coordinates."""
     axes = pad.to_world[:3, :3].T / np.cbrt(np.linalg.det(pad.to_world[:3, :3]))
     along = pad.undeformed.vertices @ axes.T
     corners = np.stack(np.meshgrid(*zip(along.min(axis=0), along.max(axis=0), strict=True)), axis=-1)
@@ -151,13 +154,14 @@ def _box(pad: PadShape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _boxes_separated(first: tuple[np.ndarray, np.ndarray], second: tuple[np.ndarray, np.ndarray]) -> bool:
-    """Whether two boxes, by their axes and corners, do not overlap."""
+    """Whether two boxes, each given by axes and corners, do not overlap."""
     crossed = np.cross(first[0][:, None], second[0][None]).reshape(-1, 3)
     return _separated(np.concatenate([first[0], second[0], crossed]), first[1], second[1])
 
 
 def _separated(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> bool:
-    """Whether any of the axes (K, D) separates two convex bodies, by their corners (N, D)."""
+    """Whether any of K axes (K, D) separates two convex bodies in D dimensions, each given by its corners (N, D)
+    (separating axis theorem)."""
     axes = axes[np.linalg.norm(axes, axis=1) > _ALIKE * np.abs(axes).max()]
     (low, high), (bottom, top) = ((along.min(axis=0), along.max(axis=0)) for along in (first @ axes.T, second @ axes.T))
     slack = _ALIKE * (np.maximum(high, top) - np.minimum(low, bottom))
@@ -165,7 +169,8 @@ def _separated(axes: np.ndarray, first: np.ndarray, second: np.ndarray) -> bool:
 
 
 def _triangles_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (N, 3) in world coordinates and triangles (K, 3) of a flat shape or a mesh; none of any other shape."""
+    """N vertices (N, 3) in world coordinates, and K triangles (K, 3) as indices of vertices, of a flat shape or a mesh;
+    empty for any other shape."""
     kind = shape.class_name()
     if kind in FLAT:
         to_world = matrix_of(shape)
@@ -182,7 +187,8 @@ def _triangles_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lie_on(faces: Any, vertices: np.ndarray, triangles: np.ndarray) -> bool:
-    """Whether any of the triangles (K, 3) overlaps any of ``faces`` in their plane."""
+    """Whether any of the triangles, given by ``vertices`` and the indices ``triangles`` (K, 3), lies in the plane of
+    ``faces`` and overlaps one of them."""
     frame = np.column_stack([np.array(axis).ravel() for axis in (faces.frame.s, faces.frame.t, faces.frame.n)])
     half = 0.5 * np.array(faces.size, dtype=float).ravel()
     centres = np.array(faces.centres, dtype=float).T @ frame
