@@ -1,4 +1,4 @@
-"""Work-precision diagrams of a scene: error against time of each method."""
+"""Work-precision diagrams of a scene: error against computing time of each method."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ from mitsuba_taxel.studies.plan.files import make_folder
 def accuracy(
     scene: Scene, folder: Path, seconds: float, starting: Callable[[str], None] = lambda step: None
 ) -> list[ErrorCurve]:
-    """Measure error against time, and write ``accuracy.csv``, ``accuracy.png`` and ``accuracy.svg`` to a folder.
+    """Measure error against computing time for all methods, and write ``accuracy.csv``, ``accuracy.png`` and
+    ``accuracy.svg`` to a folder.
 
     Parameters
     ----------
@@ -41,8 +42,8 @@ def accuracy(
     folder : Path
         Output folder, which is created if it does not exist.
     seconds : float
-        CPU time for each light-transport method, and for the longest solution of the mechanics. References, and each
-        reading to a target error (wall time), may take four times as long, and the reference mesh of the mechanics
+        CPU time for each light-transport method, and for the longest solution of the mechanics, in s. References, and
+        each reading to a target error (wall time), may take four times as long, and the reference mesh of the mechanics
         sixteen times.
     starting : Callable[[str], None]
         Called with the name of each step.
@@ -50,14 +51,14 @@ def accuracy(
     Returns
     -------
     list[ErrorCurve]
-        A curve for each method; a curve without points has the reason in its remark.
+        A curve for each method; the remark of a curve without points gives the reason.
 
     Raises
     ------
     InputError
         if the time is not allowed, the scene cannot be built or read, or the folder cannot be written to.
     ComputationError
-        if a load path fails, or no two independent methods can compute the light.
+        if a load path fails, or if fewer than two independent methods can compute the light.
     """
     if not 0 < seconds < math.inf:
         raise InputError(f"seconds = {seconds} is not allowed: a finite number above 0 is needed.")
@@ -87,7 +88,7 @@ def _write(curves: Sequence[ErrorCurve], scene: Scene, folder: Path) -> None:
 
 
 def title(scene: Scene) -> str:
-    """The scene's name, and its parameters that differ from the default."""
+    """Title of a diagram: the name of the scene, and its parameters that differ from their defaults."""
     changed = [f"{name} = {value}" for name, value in scene.parameters.items() if value != scene.defaults.get(name)]
     return ", ".join([scene.name, *changed])
 
@@ -95,7 +96,7 @@ def title(scene: Scene) -> str:
 def _with_pads(
     scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]
 ) -> list[ErrorCurve]:
-    """Curves of the mechanics and of the whole chain."""
+    """Curves of the mechanics, and of the whole chain from force to reading, for a scene with loaded pads."""
     # Solutions by mesh size, and readings in the limit of small elements under the load and under one nearby.
     nearby = near_load(scene)
     try:

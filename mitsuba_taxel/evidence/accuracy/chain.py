@@ -1,5 +1,5 @@
-"""The whole chain: stated and true total errors of a reading, and of its slope over the force, against the target
-error."""
+"""The whole chain from force to reading: stated and true total errors of a reading, and of its slope over the force,
+for several target errors."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ FORCES = ("fz", "fx", "fy")
 
 
 class SmallerLoad(NamedTuple):
-    """The scene under a slightly smaller load.
+    """A scene under a slightly smaller force than the original scene.
 
     Attributes
     ----------
     scene : Scene
-        The scene with that load.
+        The scene with the smaller force.
     force : str
-        Name of the force's parameter.
+        Name of the parameter with the force.
     step : float
-        Force of the original scene minus that of this one, in N.
+        Force of the original scene minus the smaller force, in N.
     """
 
     scene: Scene
@@ -42,7 +42,7 @@ class SmallerLoad(NamedTuple):
 
 
 def near_load(scene: Scene) -> SmallerLoad | None:
-    """The scene under a slightly smaller force, if it declares a force other than 0."""
+    """Make the scene under a slightly smaller force; None if no parameter of the scene is a force other than 0."""
     for name in FORCES:
         try:
             force = float(scene.parameters.get(name, 0))
@@ -55,28 +55,29 @@ def near_load(scene: Scene) -> SmallerLoad | None:
 
 
 def slope_limit(limit: FineMeshLimit, near_limit: FineMeshLimit, step: float) -> FineMeshLimit:
-    """Slope of readings in the limit of small elements, in W/N, by the difference of two loads.
+    """Compute the slope of readings over the force in the limit of small elements, in W/N, as a difference between two
+    loads.
 
     Parameters
     ----------
     limit, near_limit : FineMeshLimit
-        Readings in the limit of small elements, at the load and at a nearby load.
+        Readings in the limit of small elements, at the load and at the smaller load.
     step : float
-        Difference of the loads in N.
+        Difference of the two loads in N.
     """
     replicates = (limit.replicates - near_limit.replicates) / step
     return FineMeshLimit(replicates, (limit.change - near_limit.change) / step, limit.size)
 
 
 def reading_curve(scene: Scene, truth: TruthEstimate, seconds: float, starting: Callable[[str], None]) -> ErrorCurve:
-    """Error of readings by target error, for a scene whose pads are not loaded.
+    """Measure the error of readings for several target errors, for a scene whose pads are not loaded.
 
     Parameters
     ----------
     scene : Scene
         The scene.
     truth : TruthEstimate
-        Reference of the readings.
+        Reference values of the readings.
     seconds : float
         Time budget of each reading.
     starting : Callable[[str], None]
@@ -99,20 +100,22 @@ def chain_curves(
     seconds: float,
     starting: Callable[[str], None],
 ) -> list[ErrorCurve]:
-    """Errors of readings and, if there is a nearby load, of their slopes, by target error; nothing is cached.
+    """Measure the errors of readings, and of their slopes over the force, for several target errors; no caches are
+    used.
 
-    A slope needs a second reading, with the mesh and the number of points that were chosen for the target error.
+    A slope needs a second reading at the smaller load, with the mesh and the number of points that were chosen for the
+    target error.
 
     Parameters
     ----------
     scene : Scene
         The scene.
     truth : TruthEstimate
-        Reference of the readings.
+        Reference values of the readings.
     near : SmallerLoad or None
-        The scene under a load nearby.
+        The scene under the smaller load; None to omit slopes.
     slope : TruthEstimate or None
-        Reference of the slopes, in W/N.
+        Reference values of the slopes, in W/N.
     seconds : float
         Time budget of each reading.
     starting : Callable[[str], None]
@@ -138,7 +141,7 @@ def chain_curves(
 
 
 def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float]:
-    """A reading to a target error without cached light, and its CPU seconds."""
+    """Compute a reading to a target error without cached light; returns it with its CPU seconds."""
     clear_caches(kept_cell)
     start = now()
     readings = measure(scene, target_error=target, time_budget=seconds)
@@ -148,20 +151,20 @@ def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float
 def reading_point(
     readings: Readings, exact: np.ndarray, seconds: float, target: float, truth: TruthEstimate
 ) -> WorkPoint:
-    """Errors of a reading, separated into those of light and of mechanics.
+    """Compute the true error of a reading, and its parts due to light and mechanics.
 
     Parameters
     ----------
     readings : Readings
         The reading.
     exact : (T,) ndarray
-        Power in W with many more points on the same mesh, whose error is that of the mechanics alone.
+        Power of T taxels in W with many more points on the same mesh; its error is that of the mechanics alone.
     seconds : float
         CPU seconds of the reading.
     target : float
         Target error of the reading.
     truth : TruthEstimate
-        Reference.
+        Reference values.
     """
     shares = {
         "light_error": relative_rms(readings.power - exact, truth.power),
@@ -187,7 +190,8 @@ def reading_point(
 def _slope_point(
     readings: Readings, nearby: Readings, step: float, seconds: float, target: float, slope: TruthEstimate
 ) -> WorkPoint:
-    """Errors of slopes, relative to the root mean square over all taxels, as single slopes may be nearly 0."""
+    """True and stated errors of slopes, relative to the root mean square of all slopes, because single slopes may be
+    nearly 0."""
     value = (readings.power - nearby.power) / step
     light = standard_error((readings.replicates - nearby.replicates) / step)
     # The error of the mechanics is nearly the same in both readings, and cancels.

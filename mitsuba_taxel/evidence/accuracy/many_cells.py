@@ -1,4 +1,4 @@
-"""CPU time, memory and error of one reading of pads with more and more cells."""
+"""CPU time, memory and error of one reading, for pads with an increasing number of cells."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ DEPTH = -0.3
 
 @dataclass(frozen=True)
 class ManyCellsRow:
-    """Cost of a reading.
+    """Cost and error of one reading of a pad.
 
     Attributes
     ----------
     case : str
-        Cells and load.
+        Number of cells, and load, in words.
     elements : float
-        Finite elements of the whole pad.
+        Number of finite elements of the whole pad.
     mechanics : float
         CPU seconds of mesh and load path.
     second_mesh : float
-        CPU seconds of the error of the finite elements.
+        CPU seconds of the second mesh, which gives the error of the finite elements.
     reading : float
         CPU seconds of the light.
     mechanics_error : float
         Relative error of the worst reading due to the finite elements; NaN if unknown.
     light_error : float
-        Relative error of the worst reading due to the light and its triangles.
+        Relative error of the worst reading due to the light and to flat triangles.
     megabytes : float
         Peak memory in MB.
     end : str
@@ -85,14 +85,14 @@ class ManyCellsRow:
 
 @dataclass(frozen=True)
 class ManyCells:
-    """A square pad of parallelepiped cells under a load.
+    """A square pad with parallelepiped cells under a load.
 
     Attributes
     ----------
     side : int
-        Rows and columns.
+        Number of rows, and of columns, of cells.
     under_ball : bool
-        Whether a ball presses off the centre, instead of a force spread over the top.
+        Whether a ball presses on the pad beside its centre, instead of a force spread over the top.
     """
 
     side: int
@@ -103,11 +103,11 @@ class ManyCells:
         return f"{self.side} x {self.side}, {'ball off the centre' if self.under_ball else 'spread force'}"
 
     def failed(self, end: str) -> ManyCellsRow:
-        """The row for a process that returned no row."""
+        """The result of a case whose process ended without a result, for the reason ``end``."""
         return ManyCellsRow(self.name, self.side**2, end)
 
     def measured(self) -> ManyCellsRow:
-        """The row, measured in this process."""
+        """Measure the case in this process."""
         pad, cells = Pad("parallelepiped", rows=self.side, columns=self.side), self.side**2
         load: Load = BALL if self.under_ball else SPREAD_FORCE
         value = (0.0, 0.0, DEPTH if self.under_ball else PER_CELL * cells)
@@ -141,12 +141,12 @@ class ManyCells:
 def many_cells(
     sides: Sequence[int], under_ball: bool, seconds: float, starting: Callable[[str], None]
 ) -> Iterator[ManyCellsRow]:
-    """Measure pads one after another, each in a separate process.
+    """Measure one reading of each of several pads, each in a separate process.
 
     Parameters
     ----------
     sides : sequence of int
-        Rows and columns of the square pads.
+        Number of rows, and of columns, of cells of each pad.
     under_ball : bool
         See :class:`ManyCells`.
     seconds : float
@@ -166,17 +166,17 @@ def many_cells(
 
 
 def growth(rows: Sequence[ManyCellsRow]) -> float:
-    """Exponent with which CPU time grows with the number of cells, by least squares; NaN for fewer than two pads.
+    """Fit the exponent of the growth of CPU time with the number of cells, by least squares.
 
     Parameters
     ----------
     rows : sequence of ManyCellsRow
-        Rows of pads; those that were not read are left out.
+        Results of the pads; those without a reading are left out.
 
     Returns
     -------
     float
-        For example 1 if the time is proportional to the number of cells.
+        The exponent: 1 if the time is proportional to the number of cells. NaN for fewer than two pads.
     """
     read = [row for row in rows if math.isfinite(row.seconds)]
     if len({row.cells for row in read}) < 2:
@@ -185,6 +185,6 @@ def growth(rows: Sequence[ManyCellsRow]) -> float:
 
 
 def growth_line(rows: Sequence[ManyCellsRow]) -> str:
-    """The exponent of :func:`growth` in words."""
+    """Describe the exponent of :func:`growth` in a sentence."""
     power = growth(rows)
     return "" if math.isnan(power) else f"CPU time grows as the number of cells to the power of {power:.2f}."

@@ -1,4 +1,5 @@
-"""The mechanics: error of a reading against the time of the finite elements, by mesh size and load steps."""
+"""Error of a reading due to the mechanics against the time of the finite elements, for several mesh sizes and load-step
+tolerances."""
 
 from __future__ import annotations
 
@@ -50,14 +51,14 @@ ELEMENTS = "Elements are of second order (ten nodes) in all rows: there is no ot
 
 @dataclass(frozen=True)
 class UncachedReadings:
-    """Readings of a scene whose pads were solved without caches.
+    """Readings of a scene whose pads were solved without caches, with their cost.
 
     Attributes
     ----------
     readings : Readings
         Readings with many light paths, and with the stated error of the mechanics.
     seconds : float
-        CPU time of the mechanics alone.
+        CPU time of the mechanics alone, in s.
     elements : int
         Number of elements of the largest pad.
     """
@@ -74,9 +75,9 @@ class FineMeshLimit:
     Attributes
     ----------
     replicates : (R, T) ndarray
-        Power in W.
+        Power in W of T taxels in R replicates, extrapolated to elements of size 0.
     change : (T,) ndarray
-        Change of the power by the extrapolation in W, which is also the estimate of its error.
+        Change of the power by the extrapolation, in W; it is stated as the error of the power.
     size : float
         Size of the smallest elements, in mm.
     """
@@ -87,13 +88,13 @@ class FineMeshLimit:
 
     @property
     def truth(self) -> TruthEstimate:
-        """Reference for other readings of the scene."""
+        """The extrapolated readings as reference values for other readings of the scene."""
         error = np.hypot(standard_error(self.replicates), self.change)
         return TruthEstimate(self.replicates.mean(axis=0), error, f"elements of {self.size:.2g} mm, extrapolated")
 
 
 class PadRequest(NamedTuple):
-    """A pad under a load, without its scene."""
+    """A pad, its material and its load, without the scene."""
 
     pad: AnyPad
     material: Material
@@ -101,13 +102,13 @@ class PadRequest(NamedTuple):
     value: np.ndarray
 
     def state(self, mesh_size: float, step_tolerance: float) -> State:
-        """The state on elements of ``mesh_size`` in mm, with load steps of a relative ``step_tolerance``."""
+        """Solve the pad on elements of ``mesh_size`` in mm, with load steps of a relative ``step_tolerance``."""
         path = partial(load_path, mesh_size=mesh_size, step_tolerance=step_tolerance)
         return path(self.pad, self.material, self.value[None], load=self.load)[0]
 
 
 def open_pads(live: Any, mesh_size: float | None) -> list[PadRequest]:
-    """The loaded pads of a scene whose mesh size is that of `Scene.mesh_size`."""
+    """The loaded pads of a scene for which the description fixes no mesh size, so that `Scene.mesh_size` applies."""
     return [PadRequest(pad.pad, pad.material, pad.load, np.array(pad.value)) for pad in _open(live, mesh_size)]
 
 
@@ -116,7 +117,8 @@ def _open(live: Any, mesh_size: float | None) -> list[PadShape]:
 
 
 class SizeRuns(NamedTuple):
-    """Runs by mesh size in mm, mesh size of their reference in mm, and the reason why elements are not smaller."""
+    """Runs by mesh size in mm, the mesh size of their reference in mm, and the reason why smaller elements were not
+    solved."""
 
     solved: dict[float, UncachedReadings]
     judge: float
@@ -124,10 +126,11 @@ class SizeRuns(NamedTuple):
 
 
 def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]) -> SizeRuns:
-    """Solve the scene on successively smaller elements, until a solution would exceed the time or the memory.
+    """Solve a scene on successively smaller elements, until the next solution would exceed the time or the memory.
 
-    The reference has elements of half the smallest size, or the smallest that fit into memory. The time of the next
-    solution is predicted from the growth of the last, and at least from the number of elements.
+    The reference has elements of half the smallest size, or the smallest elements that fit into memory. The time of the
+    next solution is predicted from the growth of time between the last two; it grows at least as the number of elements
+    does.
 
     Parameters
     ----------
@@ -143,7 +146,7 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
     Raises
     ------
     ComputationError
-        if the pads cannot be loaded on the coarsest mesh.
+        if the pads cannot be solved on the coarsest mesh.
     """
     solved: dict[float, UncachedReadings] = {}
     size, reference_size = COARSEST, 0.5 * COARSEST
@@ -172,15 +175,16 @@ def size_runs(scene: Scene, pads: Sequence[PadRequest], seconds: float, starting
 
 
 def _elements(pads: Sequence[PadRequest], size: float) -> int:
-    """Number of elements of the largest pad, counted in a mesh: small elements at walls make it hard to predict."""
+    """Number of elements of the largest pad. The pads are meshed for this, because small elements near walls make the
+    number hard to predict."""
     return max(len(pad_mesh(pad.pad, size).tets) for pad in pads)
 
 
 def limits(scenes: Sequence[Scene], size: float) -> list[FineMeshLimit]:
-    """Extrapolate readings of scenes to the limit of small elements.
+    """Extrapolate the readings of scenes to elements of size 0.
 
-    The error of a reading falls with the power `ORDER` of the mesh size, and follows from two sizes (L. F. Richardson,
-    Phil. Trans. R. Soc. A 210, 1911).
+    The error of a reading is proportional to the mesh size to the power `ORDER`. The limit follows from two mesh sizes
+    (L. F. Richardson, Phil. Trans. R. Soc. A 210, 1911).
 
     Parameters
     ----------
@@ -207,7 +211,8 @@ def limits(scenes: Sequence[Scene], size: float) -> list[FineMeshLimit]:
 def tolerance_runs(
     scene: Scene, pads: Sequence[PadRequest], size: float, starting: Callable[[str], None]
 ) -> tuple[dict[float, UncachedReadings], FineMeshLimit]:
-    """Solve the scene on one mesh with load steps of different tolerances, and with a very strict one.
+    """Solve a scene on one mesh with several tolerances of the load steps, and with a very strict tolerance as the
+    reference.
 
     Parameters
     ----------
@@ -236,14 +241,14 @@ def tolerance_runs(
 
 
 def size_errors(solved: Mapping[float, UncachedReadings], limit: FineMeshLimit, remark: str) -> ErrorCurve:
-    """Errors by element size.
+    """Compute the errors of readings for each mesh size.
 
     Parameters
     ----------
     solved : Mapping[float, UncachedReadings]
         Runs by mesh size in mm.
     limit : FineMeshLimit
-        Reference.
+        Reference values.
     remark : str
         Remark of the curve.
     """
@@ -256,14 +261,15 @@ def size_errors(solved: Mapping[float, UncachedReadings], limit: FineMeshLimit, 
 
 
 def tolerance_errors(solved: Mapping[float, UncachedReadings], strict: FineMeshLimit) -> ErrorCurve:
-    """Errors by step tolerance on one mesh; the stated errors of readings do not contain the error due to steps.
+    """Compute the errors of readings due to the load steps, for each step tolerance on one mesh. The stated errors of
+    readings do not include this error.
 
     Parameters
     ----------
     solved : Mapping[float, UncachedReadings]
         Runs by tolerance.
     strict : FineMeshLimit
-        Reference, on the same mesh.
+        Reference values, from the same mesh.
     """
     reference = f"step tolerance {STRICT:g}, elements of {strict.size:.2g} mm"
     points = [_point(f"{tolerance:g}", run, strict, math.nan, reference) for tolerance, run in solved.items()]
@@ -271,7 +277,8 @@ def tolerance_errors(solved: Mapping[float, UncachedReadings], strict: FineMeshL
 
 
 def _point(setting: str, run: UncachedReadings, limit: FineMeshLimit, stated_error: float, reference: str) -> WorkPoint:
-    """The error of a reading that shares its random numbers with the limit, so that the noise of the light cancels."""
+    """Point of a reading and its error. The reading shares its random numbers with the limit, so that the noise of the
+    light cancels in the error."""
     power = limit.truth.power
     difference = run.readings.replicates - limit.replicates
     return WorkPoint(
@@ -289,7 +296,8 @@ def _point(setting: str, run: UncachedReadings, limit: FineMeshLimit, stated_err
 def solve(
     scene: Scene, pads: Sequence[PadRequest], size: float, step_tolerance: float = INTERPOLATION_TOLERANCE
 ) -> UncachedReadings:
-    """Solve the pads of a scene without caches, and read the scene; the error estimate is part of the mechanics.
+    """Solve the pads of a scene without caches, and compute the readings. The time of the mechanics includes its error
+    estimate.
 
     Parameters
     ----------
@@ -316,7 +324,7 @@ def solve(
 
 @contextmanager
 def from_nothing() -> Iterator[None]:
-    """Within this context, all caches of solutions are empty, on disk and in memory."""
+    """Context manager: all caches of solutions, on disk and in memory, start empty."""
     kept = os.environ.get("MITSUBA_TAXEL_CACHE")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder

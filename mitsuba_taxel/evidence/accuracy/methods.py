@@ -1,4 +1,4 @@
-"""The compared light-transport methods: this project's integrators and Mitsuba's own."""
+"""The light-transport methods that are compared: the integrators of this package, and Mitsuba's own."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOST_LANES = 1 << 25
 
 
 class Estimate(NamedTuple):
-    """Power (T,) of each taxel in W, and the standard error stated by the method, NaN if it has none."""
+    """Power (T,) of T taxels in W, and the standard error (T,) that the method states; NaN if it states none."""
 
     power: np.ndarray
     stated: np.ndarray
@@ -41,7 +41,7 @@ Estimator = Callable[[int, int], Estimate]
 
 @dataclass(frozen=True)
 class Method:
-    """An integrator with its sampler.
+    """A light-transport method: an integrator with its sampler.
 
     ``strategy`` is a parameter of `taxel_tracer`; only the strategy ``all`` includes all light.
     """
@@ -52,7 +52,7 @@ class Method:
 
     @property
     def is_ours(self) -> bool:
-        """Whether the integrator is one of this project's, which read each taxel with its own LED."""
+        """Whether the integrator belongs to this package, so that each taxel is read with its own LED alone."""
         return self.integrator in _OURS
 
     @property
@@ -63,7 +63,7 @@ class Method:
 
     @property
     def most_samples(self) -> int:
-        """Largest number of samples per taxel in one run: the limit of the sampler, or of memory."""
+        """Largest number of samples per taxel in one run, limited by the sampler or by memory."""
         if self.is_ours:
             return MOST_POINTS * REPLICATES
         return MOST_POINTS if self.sampler == "owen_sobol" else MOST_LANES
@@ -80,7 +80,7 @@ METHODS = (
 
 
 def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estimator:
-    """An estimator of a method, on a scene that stays loaded.
+    """Load a scene with the integrator of a method, and return a function that estimates its readings.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estim
 
 
 def stray_light(scene: Scene) -> float:
-    """Largest fraction of a taxel's reading that LEDs of other taxels would add; NaN if unknown."""
+    """Largest fraction, of any taxel's reading, that the LEDs of other taxels would add; NaN if unknown."""
     try:
         power = crosstalk(scene, points=_STRAY_POINTS).power
     except InputError:
@@ -122,15 +122,17 @@ def stray_light(scene: Scene) -> float:
 
 
 def is_bounded(scene: Scene) -> bool:
-    """Whether paths from the phototransistor have bounded weights."""
+    """Whether the weights of light paths that start at the phototransistor are bounded."""
     return all(map(is_bounded_from_detector, walls_of(prepare(scene).scene)))
 
 
 def offset_share(scene: Scene) -> float:
-    """Approximate relative error of readings by Mitsuba's integrators due to the offset of ray origins.
+    """Approximate relative error of readings by Mitsuba's own integrators due to the offset of ray origins from
+    surfaces.
 
-    The offset is 9e-5 (1 + max |p|) from a surface at p (:func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`), here
-    relative to the median distance from a phototransistor to the first wall.
+    The offset from a surface at the position p is 9e-5 (1 + max |p|), see
+    :func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`. The result is the offset divided by the median distance from
+    a phototransistor to the first wall.
     """
     import mitsuba as mi
 
@@ -147,7 +149,7 @@ def offset_share(scene: Scene) -> float:
 
 
 def of_readings(prepared: Prepared) -> Estimator:
-    """Estimator of a prepared scene by random paths of its integrator."""
+    """Return a function that estimates the readings of a prepared scene by random paths of its integrator."""
 
     def estimate(samples: int, seed: int) -> Estimate:
         points = max(1, samples // REPLICATES)
@@ -158,8 +160,8 @@ def of_readings(prepared: Prepared) -> Estimator:
 
 
 def _stock(scene: Any) -> Estimator:
-    """Estimator with an integrator of Mitsuba: one launch per run, which is the cheapest way. These integrators state
-    no error."""
+    """Return a function that estimates readings by one of Mitsuba's own integrators, which states no error. Each run is
+    a single launch, which is the fastest way."""
     import drjit as dr
     import mitsuba as mi
 
@@ -181,7 +183,7 @@ def _stock(scene: Any) -> Estimator:
 
 @contextmanager
 def _errors_alone() -> Iterator[None]:
-    """Within this context, Mitsuba logs errors only."""
+    """Context manager: Mitsuba logs errors only."""
     import mitsuba as mi
 
     level = mi.log_level()
@@ -193,7 +195,7 @@ def _errors_alone() -> Iterator[None]:
 
 
 def _variant(method: Method, scene: Scene, folder: Path) -> Scene:
-    """The scene with the integrator and sampler of a method, and with the same limit of reflections."""
+    """Write a scene with the integrator and sampler of a method, and with the scene's own limit of reflections."""
     # Read the limits of the scene's integrators, and remove these.
     file = folder / "scene.xml"
     scene.write_xml(file)

@@ -1,4 +1,4 @@
-"""The paper's nominal study without caches: four shapes under normal and tangential force, with its cost."""
+"""Cost of the paper's nominal study, computed without caches: four cell shapes under normal and tangential force."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ empty cache of solutions.
 
 @dataclass(frozen=True)
 class NominalRow:
-    """Result of one shape; lists have an entry for each of `PATHS`. ``failure`` is the reason if the process failed."""
+    """Result of the studies of one cell shape; lists have an entry for each load path in `PATHS`. ``failure`` gives the
+    reason if the process failed."""
 
     cell: str
     forces: list[int]
@@ -64,7 +65,7 @@ class NominalRow:
 
 @dataclass(frozen=True)
 class NominalShape:
-    """The studies of one shape."""
+    """The studies of one cell shape."""
 
     cell: str
 
@@ -92,7 +93,7 @@ class NominalShape:
 
 
 def nominal(only: str | None = None, starting: Callable[[str], None] | None = None) -> Iterator[NominalRow]:
-    """Yield rows of the table as they are measured.
+    """Measure the studies of each cell shape, and yield a row for each.
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ def nominal(only: str | None = None, starting: Callable[[str], None] | None = No
 
 
 def nominal_cells(rows: Sequence[NominalRow]) -> list[list[str]]:
-    """The rows as lines of text, below `HEADINGS`."""
+    """Format rows as lines of table cells, in the order of `HEADINGS`."""
     return [line for row in rows for line in _lines(row)]
 
 
@@ -136,7 +137,7 @@ def write_page(rows: Sequence[NominalRow], file: Path, command: str) -> None:
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     table = markdown_table(HEADINGS, nominal_cells(rows))
     write_text(file, _PAGE.format(command=command, table=table, error=TARGET_ERROR, slope=TARGET_SLOPE))

@@ -1,7 +1,8 @@
-"""Savings from omitted work: shipped scenes, unchanged and with unnecessary work added.
+"""What is saved by omitting unnecessary work: shipped scenes are measured unchanged, and with the unnecessary work
+added.
 
-Each row is measured in separate processes: first with empty caches of kernels and solutions, then twice with the
-caches of the first. This module is run for that, with the scene and the added work as JSON.
+Each row of the table is measured in separate processes: once with empty caches of kernels and solutions, then twice
+with the caches of the first run. These processes run this module, with the scene and the added work as JSON.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def _solve_the_whole_pad() -> None:
 
 
 def _solve_without_load() -> None:
-    """Solve pads without a load, and compute the effect of their error, which is 0, on the readings."""
+    """Added work: solve pads without a load, and compute the effect of their error, which is 0, on the readings."""
     import numpy as np
 
     from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
@@ -93,7 +94,7 @@ def _cut_everything_finely() -> None:
         return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
 
     def finely(mesh, subdivision, cells=None):
-        """Subdivide all faces as finely as those in cells."""
+        """Subdivide all faces of a mesh as finely as those of the cells."""
         ratio = longest(mesh, mesh.faces) / longest(mesh, mesh.faces[mesh.face_cell > 0])
         side = np.full_like(mesh.face_region, REGIONS["side"])
         return cut(replace(mesh, face_region=side), int(np.ceil(subdivision * ratio)))
@@ -102,7 +103,7 @@ def _cut_everything_finely() -> None:
 
 
 def _only_asked_for() -> None:
-    """Change nothing: the row requests this work by its arguments."""
+    """Change nothing: :func:`row` requests this work through arguments of the reading."""
 
 
 ALL_THE_SAME: dict[str, Callable[[], None]] = {
@@ -119,7 +120,7 @@ OF_ANY = ("everything imported", "three channels traced", "irradiance map accumu
 
 
 def additions(scene: str) -> list[list[str]]:
-    """Names of the work added in each row of a scene: nothing, each possible kind, all of them."""
+    """The work that is added in each row of a scene, by name: first none, then each possible kind, then all kinds."""
     file, values = SCENES[scene]
     loaded = any(values.values())
     possible = [
@@ -133,7 +134,8 @@ def additions(scene: str) -> list[list[str]]:
 
 
 def row(scene: str, added: list[str]) -> dict:
-    """A row of the table: time and memory of one scene, measured in this process, with work that is usually omitted.
+    """Read a scene in this process with work that is usually omitted, and count what this takes: imported modules,
+    triangles, unknowns and kernels.
 
     Parameters
     ----------
@@ -179,7 +181,7 @@ def row(scene: str, added: list[str]) -> dict:
 
 
 def _unknowns() -> int:
-    """Number of unknowns of the largest system of equations solved, 0 for none."""
+    """Number of unknowns of the largest system of equations that was solved; 0 if none was."""
     import gc
 
     pads = [candidate for candidate in gc.get_objects() if type(candidate).__name__ == "LoadedPad"]
@@ -187,7 +189,8 @@ def _unknowns() -> int:
 
 
 def with_seconds(scene: str, added: list[str]) -> dict:
-    """Figures of a first run, with its CPU seconds and the minimum of two later runs.
+    """Result of :func:`row` from a first run with empty caches, with the CPU seconds of this run and the smaller CPU
+    seconds of two later runs.
 
     Parameters
     ----------
@@ -210,7 +213,7 @@ def _run(scene: str, added: list[str], caches: dict[str, str]) -> tuple[dict, fl
 
 
 def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """All rows as text, :data:`HEADINGS`, as they are measured.
+    """Measure all rows of the table, and yield each as text cells in the order of :data:`HEADINGS`.
 
     Parameters
     ----------
@@ -250,7 +253,7 @@ def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
 
 
 def _deviation(first: dict, second: dict) -> float:
-    """Largest change of a reading, in combined standard errors."""
+    """Largest difference between the readings of two runs, in units of the combined standard error."""
     columns = zip(first["power"], second["power"], first["error"], second["error"], strict=True)
     return max(abs(b - a) / (e**2 + f**2) ** 0.5 for a, b, e, f in columns)
 
@@ -285,7 +288,7 @@ plate or an unloaded flat roof, all reflecting surfaces lie in one plane, and no
 
 
 def page(rows: Sequence[tuple[str, ...]]) -> str:
-    """The table as a Markdown page."""
+    """Write the table as a Markdown page."""
     from mitsuba_taxel.base.files.markdown import markdown_table
 
     table = markdown_table(HEADINGS, rows, ("scene", "added work", "slow ones"))

@@ -1,4 +1,5 @@
-"""The light: error against time of every integrator that supports a scene, against independent integrators."""
+"""Error of the light against computing time, for every integrator that supports a scene; an independent integrator
+gives the reference."""
 
 from __future__ import annotations
 
@@ -43,7 +44,8 @@ SIGNIFICANT = 5.0
 
 @dataclass(frozen=True)
 class SampleRuns:
-    """Runs of one method with one number of samples: (K, T) powers and stated errors in W, seconds of one run."""
+    """Runs of one method with one number of samples: powers (K, T) and stated errors (K, T) in W of T taxels in K runs,
+    and the CPU seconds of one run."""
 
     samples: int
     power: np.ndarray
@@ -53,8 +55,7 @@ class SampleRuns:
 
 @dataclass(frozen=True)
 class _Trial:
-    """Runs of one method before there is a reference; for a method that does not support the scene, the reason instead
-    of runs."""
+    """Runs of one method, or the reason why the method does not support the scene."""
 
     method: Method
     rungs: Sequence[SampleRuns]
@@ -62,12 +63,13 @@ class _Trial:
 
     @property
     def sees_all(self) -> bool:
-        """Whether the expected value of the estimates of a method is the power of the taxels."""
+        """Whether the method is unbiased and found light: the expected value of its estimates is the power of the
+        taxels."""
         return self.method.strategy == "all" and bool(self.rungs) and bool(self.rungs[-1].power.any())
 
     @property
     def scatter(self) -> float:
-        """Relative standard error of the longest runs of a method, scaled to one second."""
+        """Relative standard deviation of the longest runs, scaled to one second of CPU time."""
         last = self.rungs[-1]
         return relative_rms(last.power.std(axis=0, ddof=1), last.power.mean(axis=0)) * math.sqrt(last.seconds)
 
@@ -75,7 +77,8 @@ class _Trial:
 def optics_curves(
     scene: Scene, seconds: float, starting: Callable[[str], None]
 ) -> tuple[list[ErrorCurve], TruthEstimate]:
-    """Error of the reading against CPU time for each method, and the reference for `taxel_tracer`.
+    """Measure the error of readings against CPU time for each method. Returns the curves, and the reference values for
+    `taxel_tracer`.
 
     Parameters
     ----------
@@ -89,7 +92,7 @@ def optics_curves(
     Raises
     ------
     ComputationError
-        if no light is found, or fewer than two families of methods support the scene.
+        if no light is found, or if fewer than two independent integrators support the scene.
     """
     # Run all methods, and two references by methods of different families.
     stray = stray_light(scene)
@@ -126,7 +129,7 @@ def _trial(method: Method, scene: Scene, folder: Path, stray: float, seconds: fl
 def rungs(
     estimate: Estimator, seconds: float, most_samples: int, first_samples: int = FIRST_SAMPLES
 ) -> Iterator[SampleRuns]:
-    """Run an estimator with successively doubled samples; compilation is excluded.
+    """Run an estimator with successively doubled numbers of samples. The time of compilation is excluded.
 
     Parameters
     ----------
@@ -142,7 +145,7 @@ def rungs(
     Yields
     ------
     SampleRuns
-        Runs with one number of samples; their time is the median.
+        Runs with one number of samples, and the median of their times.
     """
     estimate(FIRST_SAMPLES, 0)
     samples, total_seconds, run_seconds = FIRST_SAMPLES, 0.0, 0.0
@@ -162,18 +165,18 @@ def rungs(
 
 
 def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> TruthEstimate:
-    """Mean of long runs with different seeds, as a reference.
+    """Compute reference values as the mean of long runs with different seeds.
 
     Parameters
     ----------
     name : str
-        Name of the reference.
+        Description of the reference.
     estimate : Estimator
         The estimator.
     samples : int
         Samples per taxel of each run.
     seconds : float
-        CPU time; there are at least :data:`FEWEST_SEEDS` runs.
+        CPU time in s; at least :data:`FEWEST_SEEDS` runs are made in any case.
     """
     powers: list[np.ndarray] = []
     start = now()
@@ -183,7 +186,8 @@ def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> T
 
 
 def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
-    """Two methods with different integrators for the references: first :data:`UNBIASED`, then those of least noise."""
+    """Choose two methods with different integrators for the reference values: preferably those in :data:`UNBIASED`,
+    else those with the least noise."""
     best: dict[str, _Trial] = {}
     for trial in sorted((trial for trial in trials if trial.sees_all), key=_preference):
         best.setdefault(trial.method.integrator, trial)
@@ -220,14 +224,14 @@ def _curve(trial: _Trial, truth: TruthEstimate, unbounded: bool) -> ErrorCurve:
 
 
 def rung_point(rung: SampleRuns, truth: TruthEstimate) -> WorkPoint:
-    """The point of runs with one number of samples.
+    """Compute the error of runs with one number of samples as a point of the diagram.
 
     Parameters
     ----------
     rung : SampleRuns
         The runs.
     truth : TruthEstimate
-        Reference.
+        Reference values.
     """
     return WorkPoint(
         setting=f"{rung.samples} samples",
@@ -242,7 +246,8 @@ def rung_point(rung: SampleRuns, truth: TruthEstimate) -> WorkPoint:
 
 
 def _bias(rungs: Sequence[SampleRuns], truth: TruthEstimate) -> tuple[float, float]:
-    """Mean relative deviation of all runs from the reference, weighted by samples, and the same in standard errors."""
+    """Mean relative deviation of all runs from the reference, weighted by the number of samples; and this deviation in
+    standard errors."""
     lit = truth.power > 0
     runs = np.concatenate([(rung.power[:, lit] / truth.power[lit] - 1).mean(axis=1) for rung in rungs])
     weight = np.concatenate([np.full(len(rung.power), float(rung.samples)) for rung in rungs])

@@ -1,4 +1,4 @@
-"""Work-precision diagrams: error against seconds, one panel for each part of the computation."""
+"""Plots of work-precision diagrams: error against CPU seconds, with a panel for each part of the computation."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def plot_accuracy(
     titles: Mapping[str, str] = TITLES,
     labelled: Sequence[str] = LABELLED,
 ) -> None:
-    """Write the diagram as ``accuracy.png`` and ``accuracy.svg``.
+    """Plot work-precision curves, and write the figure as ``accuracy.png`` and ``accuracy.svg``.
 
-    Filled markers are significant errors; hollow markers lie below the error of the reference, a dashed line. Dotted
-    lines are errors stated by the method, in labelled panels.
+    Filled markers are significant errors. Hollow markers lie below the error of the reference, which is a dashed line.
+    Dotted lines, in labelled panels, are the errors that the method states.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ def plot_accuracy(
     folder : Path
         Output folder.
     titles : Mapping[str, str]
-        Titles of the panels, by the part of their curves.
+        Titles of the panels, by the part of the computation (``ErrorCurve.part``).
     labelled : sequence of str
-        Parts with few methods, whose points are labelled.
+        Parts of the computation whose points are labelled with their setting.
     """
     panels = [panel for panel in titles if any(curve.part == panel and curve.points for curve in curves)]
     columns = min(len(panels), MOST_ACROSS)
@@ -78,7 +78,7 @@ def _panel(ax: Axes, curves: Sequence[ErrorCurve], panel: str, labelled: bool) -
 
 
 def _floors(curves: Sequence[ErrorCurve], panel: str) -> dict[str, float]:
-    """Errors of the references by label; references of the light are common to many methods."""
+    """Errors of the references, by label. Many methods share a reference of the light."""
     lasts = [(curve.method, curve.points[-1]) for curve in curves]
     if panel == "optics":
         return {f"error of the reference, {last.reference}": last.floor for _, last in lasts if last.floor > 0}
@@ -124,7 +124,7 @@ def _draw(ax: Axes, curve: ErrorCurve, number: int, labelled: bool) -> None:
 
 
 def _labels(points: Sequence[WorkPoint]) -> dict[tuple[float, float], str]:
-    """Labels by position; one label for points that nearly coincide."""
+    """Labels of points, by position; points that nearly coincide share one label."""
     labels: dict[tuple[float, float], str] = {}
     for point in points:
         neighbours = [
@@ -138,7 +138,7 @@ def _labels(points: Sequence[WorkPoint]) -> dict[tuple[float, float], str]:
 
 
 def _widen(ax: Axes) -> None:
-    """Widen the axis of seconds to at least a decade."""
+    """Extend the axis of seconds to at least one decade."""
     low, high = ax.get_xlim()
     if high < 10 * low:
         middle = math.sqrt(low * high)

@@ -1,4 +1,5 @@
-"""CPU time of a load ramp with many rows, for a viscoelastic pad and for an elastic pad, interpolated or not."""
+"""CPU time of a load ramp with many rows (times), for a viscoelastic pad, and for an elastic pad with and without
+interpolation between solved states."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ SERIES = ((0.2, 1.0), (0.1, 10.0))
 
 
 class Ramp(NamedTuple):
-    """CPU seconds of a ramp, with empty caches except for the mesh.
+    """CPU seconds of a load ramp; only the mesh is cached.
 
     Attributes
     ----------
@@ -33,7 +34,7 @@ class Ramp(NamedTuple):
     elastic : float
         CPU seconds of an elastic pad, whose rows are interpolated between a few solved states.
     each : float
-        CPU seconds of an elastic pad that is solved at every row.
+        CPU seconds of an elastic pad that is solved at every row of the ramp.
     """
 
     viscoelastic: float
@@ -42,7 +43,7 @@ class Ramp(NamedTuple):
 
 
 def ramp(pad: Pad) -> Ramp:
-    """Measure the CPU times of a ramp of a pad: viscoelastic, elastic, and elastic without interpolation."""
+    """Measure the CPU time of a load ramp of a pad: viscoelastic, elastic, and elastic without interpolation."""
     law, size = NeoHookean(), pad.default_mesh_size
     values = FORCE * np.arange(1, ROWS + 1)[:, None] / ROWS * [0.0, 0.0, 1.0]
     times = DURATION * np.arange(1, ROWS + 1) / ROWS

@@ -1,7 +1,7 @@
-"""Error against time of the methods by which sensors are read, in a few settings.
+"""Error against computing time of readings, derivatives and touch, in a few settings.
 
-Light without random numbers is varied by the size of its patches, random paths by their number, and touch by its depth;
-derivatives are computed by both kinds of light.
+Light without random numbers is computed with several patch sizes, random paths with several numbers of paths, and touch
+with several depths. Derivatives are computed with both kinds of light.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ Starting = Callable[[str], None]
 
 
 def settings() -> dict[str, Callable[[float, Starting], list[ErrorCurve]]]:
-    """Functions that measure the curves of each setting; their argument is the time in s for each curve of random
-    paths."""
+    """For each setting, by name, a function that measures its curves; its argument is the CPU time in s for each curve
+    of random paths."""
     grey, sides = Wall("lambertian", 0.9), Wall("lambertian", 0.5)
     narrow = PhotoReflector(led=AnnularLed(cone_angle=1.0))
     dome, box = Pad("hemispheric", 1, 1), Pad("parallelepiped", 1, 1)
@@ -93,7 +93,7 @@ def settings_accuracy(folder: Path, seconds: float, starting: Starting = lambda 
     folder : Path
         Output folder, which is created if it does not exist.
     seconds : float
-        CPU time of each curve of random paths; derivatives take some 20 s in addition.
+        CPU time of each curve of random paths, in s; derivatives take about 20 s in addition.
     starting : Callable[[str], None]
         Called with the name of each step.
 
@@ -116,9 +116,9 @@ def settings_accuracy(folder: Path, seconds: float, starting: Starting = lambda 
 
 
 def _light(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, starting: Starting) -> list[ErrorCurve]:
-    """Curves of readings by random paths, and without random numbers if all walls are diffuse.
+    """Measure the curves of readings: by random paths, and without random numbers if all walls are diffuse.
 
-    The reference has many more paths.
+    The reference is a reading by many more random paths.
     """
     ready = prepare(scene())
     estimate = of_readings(ready)
@@ -138,10 +138,10 @@ def _light(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
 
 
 def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, starting: Starting) -> list[ErrorCurve]:
-    """Curves of derivatives with respect to the force along z.
+    """Measure the curves of derivatives with respect to the force along z.
 
-    All use the same mechanics, so that errors are those of the light. Curves show magnitudes, as derivatives may be
-    negative.
+    All derivatives use the same mechanics, so that the errors are those of the light. The curves show magnitudes,
+    because derivatives may be negative.
     """
     scene_data = scene()
     ready, change = prepare(scene_data), rates(scene_data, "fz")
@@ -174,9 +174,9 @@ def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
 
 
 def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tuple[list[SampleRuns], TruthEstimate]:
-    """Runs with increasing numbers of samples, and a reference from a few long runs with other random numbers.
+    """Runs with increasing numbers of samples, and reference values from a few long runs with other random numbers.
 
-    The error of a few long runs is smaller than that of many short ones.
+    A few long runs have a smaller error than many short runs.
     """
     starting(PATHS)
     path_rungs = list(rungs(estimate, seconds, LONGEST))
@@ -187,7 +187,8 @@ def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tupl
 def _over_patches(
     estimate: Callable[[float], Estimate | None], ready: Prepared, truth: TruthEstimate, starting: Starting
 ) -> ErrorCurve:
-    """Curve of light without random numbers, by the size of patches; only compiled code is cached between sizes."""
+    """Measure the curve of light without random numbers for several patch sizes; only compiled code is cached between
+    sizes."""
     default_size = deformed_pads(ready.scene)[0].pad.default_mesh_size
     points, remarks = [], []
     estimate(PATCHES[0] * default_size)  # compiles
@@ -209,7 +210,8 @@ def _over_patches(
 
 
 def _touch(seconds: float, starting: Starting) -> list[ErrorCurve]:
-    """Curve of readings of a cell under a ball with default settings; the reference has elements of half the size."""
+    """Measure the curve of readings of a cell under a ball, for several depths, with default settings; the reference
+    has elements of half the size."""
     points = []
     for depth in DEPTHS:
         starting(f"depth {depth:g} mm")

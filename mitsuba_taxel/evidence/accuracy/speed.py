@@ -1,4 +1,5 @@
-"""Time of typical readings, and ray rate of the tracer relative to that of intersections alone."""
+"""Computing time of typical readings, and the number of rays per second of the tracer relative to that of ray
+intersections alone."""
 
 from __future__ import annotations
 
@@ -34,12 +35,12 @@ RAYS = 1 << 22
 
 
 def speed(target_error: float) -> Iterator[str]:
-    """Yield all measurements as they are taken, one line each.
+    """Make all measurements, and yield a line of text for each.
 
     Parameters
     ----------
     target_error : float
-        Relative error of the worst of nine taxels.
+        Target error of the readings: relative error of the worst of nine taxels.
     """
     for cell in CELL_SHAPES:
         points, error, seconds = nine_taxels(cell, target_error)
@@ -63,7 +64,8 @@ def speed(target_error: float) -> Iterator[str]:
 
 
 def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
-    """Measure the time of a reading of the nine taxels of `pad.xml` to a target error, without loading the scene.
+    """Measure the time of a reading of the nine taxels of `pad.xml` to a target error. The time of loading the scene is
+    excluded.
 
     Parameters
     ----------
@@ -75,9 +77,9 @@ def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
     Returns
     -------
     points : int
-        Smallest number of points, a power of two, that reaches the error.
+        Smallest number of points, a power of two, that reaches the target error.
     error : float
-        The error reached.
+        The relative error that is reached.
     seconds : float
         Wall time of the reading.
     """
@@ -90,14 +92,14 @@ def nine_taxels(cell: str, target_error: float) -> tuple[int, float, float]:
 
 
 def without_random_numbers(cell: str) -> tuple[float, float]:
-    """Relative error of the light without random numbers, and wall time in seconds, on `pad.xml`."""
+    """Read `pad.xml` without random numbers. Returns the relative error of the light, and the wall time in s."""
     scene = Scene.from_file("pad.xml", cell=cell).load()
     return measure(scene).error_budget["geometry"], _seconds(partial(_solved, scene))
 
 
 def with_slope(cell: str) -> tuple[float, float]:
-    """Wall time in seconds of a reading at -10 N with a cached solution, without and with derivatives with respect to
-    the force."""
+    """Measure a reading at -10 N with a cached solution of the mechanics. Returns the wall time in s without
+    derivatives, and with derivatives with respect to the force."""
     scene = Scene.from_file("pad.xml", cell=cell, fz=-10)
     measure(scene)  # solves
     return _seconds(partial(_solved, scene)), _seconds(partial(_solved, scene, derivatives=["fz"]))
@@ -110,7 +112,7 @@ def _solved(scene: Any, **arguments: Any) -> None:
 
 
 def first_answer() -> float:
-    """Seconds of the command ``taxel render plate.xml``, after one run that fills the kernel cache."""
+    """Measure the wall time in s of the command ``taxel render plate.xml``, after a run that fills the kernel cache."""
     command = [sys.executable, "-c", "from taxel_cli import main; main()", "render", "plate.xml"]
 
     def run() -> None:
@@ -121,7 +123,7 @@ def first_answer() -> float:
 
 
 def small_reading() -> float:
-    """Minimum CPU time in seconds of a reading of few points, on a scene that was read before."""
+    """Measure the minimum CPU time in s of a reading with few points, of a scene that was read before."""
     scene, shortest = Scene.from_file("plate.xml").load(), np.inf
     for seed in range(200):
         start = time.process_time()
@@ -131,7 +133,8 @@ def small_reading() -> float:
 
 
 def exported_model() -> float:
-    """Minimum time in seconds of a reading in onnxruntime: nine taxels, a polynomial in two forces up to degree 5."""
+    """Measure the minimum time in s of a reading by an exported model in onnxruntime: nine taxels, as polynomials in
+    two forces up to degree 5."""
     import onnxruntime
 
     fx, fz = np.meshgrid(np.linspace(-2, 2, 9), np.linspace(0, -10, 6), indexing="ij")
@@ -153,9 +156,11 @@ def exported_model() -> float:
 
 
 def ray_rates(scene: Any) -> tuple[float, float]:
-    """Rays per second (intersections and shadow rays) of `taxel_tracer`, and of ``ray_intersect`` on random rays.
+    """Measure the number of rays per second (intersections and shadow rays) of `taxel_tracer`, and of ``ray_intersect``
+    on random rays.
 
-    The random rays start uniformly in the scene's bounding box, in uniform directions, without coherence.
+    The random rays start at uniformly distributed points of the scene's bounding box, in uniformly distributed
+    directions.
     """
     # Count the rays of a reading, and time it.
     (pair,) = taxels_of(scene)
@@ -210,7 +215,7 @@ class _CountingScene:
 
 
 def _seconds(run: Callable[[], object]) -> float:
-    """Median wall time of five runs."""
+    """Median wall time in s of five runs."""
     times = []
     for _ in range(5):
         start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""Work-precision curves as a CSV in full precision, and as rows of a table."""
+"""Work-precision curves as a CSV file, and as rows of a table."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PEERS = (
 
 
 def write_csv(curves: Sequence[ErrorCurve], file: Path) -> None:
-    """Write all points as CSV in full precision, one per line; unknown values are empty.
+    """Write all points of curves to a CSV file in full precision, a line for each point; unknown values are empty.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def write_csv(curves: Sequence[ErrorCurve], file: Path) -> None:
 
 
 def cells(curve: ErrorCurve) -> list[str]:
-    """One method's row of the table, in the order of :data:`HEADINGS`, from its last point."""
+    """Summarise one method by its last point, as a row of the table in the order of :data:`HEADINGS`."""
     if not curve.points:
         return [curve.part, curve.method or "-", "0", "-", "-", "-", "-", "-", f"not possible: {curve.remark}"]
     last = curve.points[-1]
@@ -70,7 +70,7 @@ def cells(curve: ErrorCurve) -> list[str]:
 
 
 def point_cells(curve: ErrorCurve) -> list[list[str]]:
-    """A row for every point of a curve, in the order of :data:`POINT_HEADINGS`."""
+    """Format every point of a curve as a row of the table, in the order of :data:`POINT_HEADINGS`."""
     if not curve.points:
         return [[curve.part, curve.method, f"not possible: {curve.remark}", "-", "-", "-", "-"]]
     return [

@@ -1,5 +1,5 @@
-"""Stated errors compared with true errors, for readings, figures of merit, dragged indenters and light.
+"""Comparison of stated errors with true errors: of readings, figures of merit, dragged indenters and light.
 
-Input: settings, drawn at random from all kinds. Output: rows with stated and true error (`taxel bench coverage`,
-`figures`, `drags`, `light`, `estimators`).
+Input: sensors drawn at random from all registered kinds of cells, loads and walls. Output: tables with the stated and
+the true error of each (`taxel bench coverage`, `figures`, `drags`, `light`, `estimators`).
 """

@@ -1,4 +1,5 @@
-"""The tables of stated and true errors: of readings, of figures that need no pad, and of probabilities."""
+"""The three tables of `taxel bench coverage`: stated and true errors of readings, the same for results that need no
+pad, and stated probabilities with observed frequencies."""
 
 from __future__ import annotations
 
@@ -22,14 +23,14 @@ PARTS = ("readings", "figures", "probabilities")
 
 
 def parts_with_cases(only: str | None, part: str | None = None) -> list[str]:
-    """Tables that have cases of a pattern.
+    """Find the tables that have cases whose names match a pattern.
 
     Parameters
     ----------
     only : str or None
         Pattern for a part of the cases' names, with the wildcards * and ?; None selects all.
     part : str or None
-        One of `PARTS`, for cases of this table alone.
+        One of `PARTS`, to search this table only.
 
     Returns
     -------
@@ -55,7 +56,7 @@ def coverage(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[CoverageRow]:
-    """Yield rows of readings as they are measured, each in its own process.
+    """Compare stated and true errors of readings: measure each setting in a separate process, and yield its row.
 
     Parameters
     ----------
@@ -85,7 +86,8 @@ def figures_without_pad(
     markdown: Path | None = None,
     starting: Callable[[str], None] | None = None,
 ) -> Iterator[IntervalRow]:
-    """Yield coverage rows of quantities that need no pad; rows of earlier runs are not used.
+    """Compare stated and true errors of results that need no pad, such as fits of synthetic data, and yield the rows.
+    Rows of earlier runs are not used.
 
     Parameters
     ----------
@@ -111,7 +113,8 @@ def probabilities(
     markdown: Path | None = None,
     starting: Callable[[str], None] | None = None,
 ) -> Iterator[ProbabilityRow]:
-    """Yield rows of probabilities; all are counted anew. With several cases, rows of all of them together come last.
+    """Compare stated probabilities with observed frequencies on synthetic data, and yield the rows. Rows of earlier
+    runs are not used. With several cases, rows of all cases together come last.
 
     Parameters
     ----------

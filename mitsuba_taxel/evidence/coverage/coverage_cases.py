@@ -1,4 +1,5 @@
-"""Settings of pads whose readings are compared with those on much finer elements, the fastest first."""
+"""Settings of pads for `taxel bench coverage`, the fastest first. Their readings are compared with reference values
+from much finer elements."""
 
 from __future__ import annotations
 
@@ -58,18 +59,18 @@ FINE_OF_DOMES = {"spherical": 0.25, "hemispheric": 0.4}
 
 @dataclass(frozen=True)
 class CoverageCase:
-    """One row of the table.
+    """One setting: a sensor whose reading is compared with a reference value.
 
     Attributes
     ----------
     name : str
-        Words for the row.
+        Description of the setting, which names its row.
     sensor : PadSensor
-        Sensor that is read on the default mesh, with its error, and on fine meshes.
+        Sensor that is read on the default mesh, with its stated error, and on fine meshes for the reference value.
     file_format : str
-        ``.step`` or ``.stl`` if the pad is read from a file; the truth is read from the parametric pad.
+        ``.step`` or ``.stl`` if the pad is imported from a file; the reference value is that of the parametric pad.
     fine : float or None
-        Size of the finest elements in mm, if `FINE` would take too long.
+        Size in mm of the finest elements of the reference value, if `FINE` would take too long.
     """
 
     name: str
@@ -110,9 +111,10 @@ class CoverageCase:
         return CoverageRow(self.name, end)
 
     def _truth(self, mesh_size: float) -> tuple[np.ndarray, np.ndarray]:
-        """Power (T,) in W in the limit of small elements, and its change (T,) by the extrapolation from the finest.
+        """Compute reference values: the power (T,) in W of T taxels in the limit of small elements, and the change (T,)
+        of the power by the extrapolation from the finest elements.
 
-        ``mesh_size`` is that of the reading, in mm.
+        ``mesh_size`` is the mesh size of the reading, in mm.
         """
         size = self.fine or min(FINE, mesh_size / FINER)
         scene = self.sensor.scene()
@@ -122,7 +124,7 @@ class CoverageCase:
         return fine.power + correction, np.abs(correction)
 
     def _from_file(self, folder: Path) -> Scene:
-        """The scene with its pad as a file."""
+        """Make the scene with its pad imported from a file."""
         file = folder / f"pad{self.file_format}"
         (_write_step if self.file_format == ".step" else _write_stl)(self.sensor.pad, file)
         source = self.sensor.scene().source
@@ -133,7 +135,8 @@ class CoverageCase:
 
 
 def _read(scene: Scene, mechanics_error: bool = False) -> tuple[Readings, PadShape]:
-    """Readings without random numbers, by patches that do not depend on the elements, and the pad."""
+    """Read a scene without random numbers, with patches for the light that do not depend on the finite elements;
+    returns the readings and the pad."""
     ready = prepare(scene)
     (pad,) = loaded_pads(ready.scene)
     readings = measure(ready, mechanics_error=mechanics_error)
@@ -143,7 +146,7 @@ def _read(scene: Scene, mechanics_error: bool = False) -> tuple[Readings, PadSha
 
 
 def _write_stl(pad: Pad, file: Path) -> None:
-    """Write the surface of a pad with flat faces only."""
+    """Write the surface of a pad, whose faces must all be flat, as an STL file."""
     import trimesh
 
     mesh = pad.mesh(pad.default_mesh_size)
@@ -151,7 +154,7 @@ def _write_stl(pad: Pad, file: Path) -> None:
 
 
 def _write_step(pad: Pad, file: Path) -> None:
-    """Write the solid of a pad of parallelepiped cells."""
+    """Write a pad with parallelepiped cells as a solid in a STEP file."""
     from netgen.occ import Box, Pnt
 
     x, y, _ = (extent / 2 for extent in pad.extent)
@@ -162,7 +165,7 @@ def _write_step(pad: Pad, file: Path) -> None:
 
 
 def coverage_cases() -> list[CoverageCase]:
-    """The rows of the table, in its order."""
+    """All settings, in the order of the table."""
     groups = (_one_cell, _loads, _four_cells, _files, _ten_cells, _other_kinds, _rounded, _touched)
     return [case for group in groups for case in group()]
 
@@ -201,8 +204,9 @@ def _four_cells() -> Iterator[CoverageCase]:
 
 
 def _other_kinds() -> Iterator[CoverageCase]:
-    """All registered kinds that occur in no other setting: cells with walls of several thicknesses, and laws and
-    indenters on cells in turn. A new kind is tested without being named here."""
+    """Settings for all registered kinds of cells, material laws and indenters that no other setting contains. Cells
+    have walls of several thicknesses; laws and indenters are combined with one cell shape after another. A new kind is
+    tested without being named here."""
     for cell in other_cells():
         for wall in (1.0, 0.5, 0.3):
             sensor = PadSensor(pad_of(cell, rows=1, columns=1, wall=wall), force=(0.0, 0.0, -1.0))
@@ -221,8 +225,9 @@ def _other_kinds() -> Iterator[CoverageCase]:
 
 
 def _rounded() -> Iterator[CoverageCase]:
-    """Registered shapes that can have a fillet, with wall, radius, load and direction drawn at random; a new shape
-    changes no other setting. Finishes are not here: their light needs random paths (see `estimators`)."""
+    """Settings for all registered cell shapes that can have a fillet, with random wall thickness, fillet radius, load
+    and direction. A newly registered shape does not change the other settings. Finishes are not included, because their
+    light needs random paths (see `estimators`)."""
     for cell in CellShape.kinds():
         random = generator(SEED, cell)
         wall, fillet = round(random.uniform(0.3, 1.0), 2), round(random.uniform(*FILLETS), 2)

@@ -1,4 +1,5 @@
-"""The page of stated and true errors, and the files of its three tables: readings, figures and probabilities."""
+"""The page of `taxel bench coverage`, and the files of its three tables: readings, results without a pad ("figures"),
+and probabilities."""
 
 from __future__ import annotations
 
@@ -83,20 +84,21 @@ with a limit on another. The table compares the stated probabilities of being fi
 
 
 class CoveragePage:
-    """Rows of the page's three tables; each is kept in a file, so that one can be renewed without the others.
+    """The page and its three tables. Each table is stored in its own file, so that one can be renewed without the
+    others.
 
     Parameters
     ----------
     csv_file : Path or None
-        File of the readings, such as ``coverage.csv``; that of the figures is ``coverage_figures.csv`` beside it, that
-        of the probabilities ``coverage_probabilities.csv``. Rows of existing files are read.
+        File of the readings, such as ``coverage.csv``. The files ``coverage_figures.csv`` and
+        ``coverage_probabilities.csv`` beside it have the other two tables. Rows of existing files are read.
     markdown : Path or None
         Page, which is rewritten whenever a row changes.
 
     Raises
     ------
     InputError
-        if a file exists and has other rows.
+        if a file exists and is of another table.
     """
 
     def __init__(self, csv_file: Path | None, markdown: Path | None) -> None:
@@ -113,18 +115,18 @@ class CoveragePage:
         return self._csv.with_name(f"{self._csv.stem}_{table}.csv") if self._csv else None
 
     def keep_readings(self, rows: Sequence[CoverageRow]) -> None:
-        """Replace all readings. Their own table writes their file."""
+        """Replace all rows of readings, and rewrite the page. Their CSV file is written by `ResumedTable`."""
         self._readings = list(rows)
         self._write()
 
     def keep_figures(self, rows: Sequence[IntervalRow]) -> None:
-        """Replace the rows of one case, and write their file and the page."""
+        """Replace the rows of one or more cases, and rewrite their CSV file and the page."""
         names = [case.name for case in intervals.interval_cases()]
         self._figures = _in_order(self._figures, rows, names)
         self._store(self._figures, "figures")
 
     def keep_probabilities(self, rows: Sequence[ProbabilityRow]) -> None:
-        """Replace the rows of one case, and write their file and the page."""
+        """Replace the rows of one or more cases, and rewrite their CSV file and the page."""
         names = [case.name for case in probabilities.chosen_cases()]
         self._probabilities = _in_order(self._probabilities, rows, names)
         self._store(self._probabilities, "probabilities")
@@ -163,9 +165,9 @@ class CoveragePage:
 
 
 def _in_order(kept: Sequence[Any], rows: Sequence[Any], names: Sequence[str]) -> list[Any]:
-    """Merge ``rows`` into the kept rows, in the order of the cases ``names``.
+    """Merge new ``rows`` into stored rows, in the order of the cases ``names``.
 
-    New rows replace kept rows of the same case. Kept rows of cases that no longer exist are dropped."""
+    New rows replace stored rows of the same case. Stored rows of cases that no longer exist are dropped."""
     renewed = {row.case for row in rows}
     all_rows = [row for row in kept if row.case not in renewed and row.case in names] + list(rows)
     return sorted(all_rows, key=lambda row: names.index(row.case))

@@ -1,4 +1,4 @@
-"""One row of the table of stated and true errors of readings."""
+"""Result class of `taxel bench coverage`: stated and true error of the readings of one setting."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import ClassVar
 
 @dataclass(frozen=True)
 class CoverageRow:
-    """Result of a setting; missing values are NaN.
+    """Stated and true error of the readings of one setting; missing values are NaN.
 
     Attributes
     ----------
@@ -21,21 +21,21 @@ class CoverageRow:
     elements : float
         Number of elements of the pad.
     true : float
-        Relative error of the reading of the worst taxel due to the finite elements.
+        True relative error of the reading of the worst taxel due to the finite elements.
     corrected : float
-        True error after the signed error estimate is subtracted from the readings.
+        The same after the error estimate, with its sign, is subtracted from the readings.
     stated : float
-        Relative stated error of the worst taxel due to the finite elements.
+        Stated relative error of the reading of the worst taxel due to the finite elements.
     light : float
-        Relative stated error of the light. It is nearly the same on all meshes, and is not part of the comparison.
+        Stated relative error of the light. It is nearly the same on all meshes, and is not part of the comparison.
     extrapolated : float
-        Relative change of the truth by the extrapolation from the finest elements.
+        Relative change of the reference value by its extrapolation from the finest elements.
     readings : float
         Number of taxels.
     within : float
-        Number of taxels whose true error is within twice the stated error.
+        Number of taxels whose true error is at most twice the stated error.
     seconds : float
-        CPU time of all meshes.
+        CPU time of the readings on all meshes, in s.
     """
 
     COLUMNS: ClassVar = {
@@ -66,12 +66,12 @@ class CoverageRow:
 
     @property
     def ratio(self) -> float:
-        """True over stated error."""
+        """True error divided by stated error."""
         return self.true / self.stated if self.stated else math.inf
 
 
 def summary(rows: Sequence[CoverageRow]) -> str:
-    """Sentences with the number of readings within twice their stated error, and the mean errors."""
+    """Summarise rows: the number of readings within twice their stated error, and the root mean square errors."""
     read = [row for row in rows if row.within == row.within]
     readings, within = sum(row.readings for row in read), sum(row.within for row in read)
     unread = f"; {len(rows) - len(read)} settings could not be read" if len(read) < len(rows) else ""

@@ -1,7 +1,8 @@
-"""The table of bodies dragged to a position, compared with the same bodies pressed in there.
+"""Table of `taxel bench drags`: a body that is dragged to a position is compared with the same body pressed in at this
+position.
 
-Without friction both are the same state, and the solver treats them alike. The dragged body has a tiny friction: then
-its path is followed step by step, on elements that are small along the path.
+Without friction, both lead to the same state, and the solver computes them in the same way. The dragged body therefore
+has a tiny friction coefficient: its path is then followed step by step, on elements that are small along the path.
 """
 
 from __future__ import annotations
@@ -69,18 +70,18 @@ have similar errors.
 
 @dataclass(frozen=True)
 class DragRow:
-    """Result of a state; missing values are NaN.
+    """Comparison of a dragged body with a pressed body; missing values are NaN.
 
     Attributes
     ----------
     force : float
-        Force on the body that is pressed in, in N.
+        Force on the pressed body, in N.
     force_off, force_stated : float
-        Relative deviation of the force on the dragged body, and stated error of both.
+        Deviation of the force on the dragged body, and combined stated error of both forces, relative to the force.
     roof_off, roof_stated : float
-        Deviation and stated error of the mean displacement of the roof.
+        The same for the mean displacement of the roof.
     seconds : float
-        CPU time.
+        CPU time, in s.
     """
 
     COLUMNS: ClassVar = {
@@ -105,27 +106,27 @@ class DragRow:
 
     @property
     def deviates(self) -> float:
-        """The larger deviation, in combined errors."""
+        """The larger of the two deviations, each divided by its combined stated error."""
         return max(self.force_off / self.force_stated, self.roof_off / self.roof_stated)
 
     @property
     def agrees(self) -> bool:
-        """Whether both deviations are allowed."""
+        """Whether both deviations are below the allowed limits."""
         return self.deviates <= ALLOWED and max(self.force_off, self.roof_off) <= LARGEST
 
 
 @dataclass(frozen=True)
 class DragCase:
-    """A body on a pad of one cell.
+    """A body that is dragged to a position on a pad with one cell.
 
     Attributes
     ----------
     cell : str
         Shape of the cell.
     body : Indenter
-        Body without friction, at x = y = 0.
+        The body, without friction, at x = y = 0.
     position : tuple[float, float, float]
-        (x, y, -depth) in mm, to which it is dragged.
+        Final position (x, y, -depth) of the body, in mm.
     """
 
     cell: str
@@ -134,7 +135,7 @@ class DragCase:
 
     @property
     def name(self) -> str:
-        """Words for the row."""
+        """Description of the case, which names its row."""
         x, y, z = self.position
         body = f"ball of {self.body.radius:g} mm" if self.body.shape == "sphere" else self.body.shape
         return f"{self.cell}, {body} at ({x:g}, {y:g}) mm, {-z:g} mm deep"
@@ -172,16 +173,18 @@ class DragCase:
 
 
 def _relative_deviation(pressed: tuple[np.ndarray, float], dragged: tuple[np.ndarray, float]) -> tuple[float, float]:
-    """Deviation of two values with stated errors, and the combined error, relative to the first value."""
+    """Deviation of the second value from the first, and combined stated error, both relative to the first value. Each
+    argument is a value and its stated error."""
     (reference, reference_error), (value, error) = pressed, dragged
     size = np.linalg.norm(reference)
     return float(np.linalg.norm(value - reference) / size), float(math.hypot(reference_error, error) / size)
 
 
 def drag_cases() -> list[DragCase]:
-    """All states: balls of a grid and drawn balls in turn, then other kinds of cells and of indenters.
+    """All cases: balls on a grid of positions alternate with random balls; other kinds of cells and indenters follow.
 
-    Other kinds are drawn from the registries, with separate random numbers: a new kind changes no other state.
+    Other kinds are taken from the registries, with separate random numbers, so that a newly registered kind does not
+    change the other cases.
     """
     grid = [
         DragCase("parallelepiped", Indenter("sphere", radius=radius), (x, 0.0, -DEPTH))
@@ -205,7 +208,7 @@ def drag_cases() -> list[DragCase]:
 
 
 def _drawn_ball(cell: str, size: float, rng: np.random.Generator) -> DragCase:
-    """A ball of a radius, rounded to two digits, at a random position and depth."""
+    """A ball of radius ``size`` in mm, rounded to two digits, at a random position and depth."""
     radius = float(f"{size:.2g}")
     depth = float(f"{np.exp(rng.uniform(np.log(0.05), np.log(min(0.4, 0.4 * radius)))):.2g}")
     x, y = np.round(rng.uniform(-1.5, 1.5, 2), 2).tolist()
@@ -218,7 +221,7 @@ def drags(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[DragRow]:
-    """Yield rows of the table as they are measured, each in its own process.
+    """Measure each case of the table in a separate process, and yield its row.
 
     Parameters
     ----------
@@ -235,7 +238,7 @@ def drags(
 
 
 def summary(rows: Sequence[DragRow]) -> str:
-    """A sentence with the numbers of states that agree, that could not be solved, and that were run."""
+    """Summarise rows: the numbers of cases that agree, that could not be solved, and that were run."""
     solved = [row for row in rows if not row.remark]
     sentence = (
         f"{sum(row.agrees for row in solved)} of {len(solved)} states agree within {ALLOWED:g} combined errors and "
@@ -256,7 +259,7 @@ def write_page(rows: Sequence[DragRow], file: Path, command: str) -> None:
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     table = markdown_table(headings(DragRow), map(cells, rows), ("state", "remark"))
     missing = not_measured(drag_cases(), rows)

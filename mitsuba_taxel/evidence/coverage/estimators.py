@@ -1,7 +1,8 @@
-"""The table of estimators of random paths, each compared with paths that do not use it, for scenes drawn at random.
+"""Table of `taxel bench estimators`: two variance-reduced estimators of readings by random paths are each compared with
+plain paths, for scenes drawn at random.
 
-Two estimators have less noise than others: connections over plane mirrors, and differences of readings by paths through
-material points. Both sides of a comparison have the same expectation, triangle by triangle.
+The estimators are connections over plane mirrors (image connections), and differences of readings by paths through
+material points. In each comparison, both methods have the same expected value, triangle by triangle.
 """
 
 from __future__ import annotations
@@ -81,20 +82,20 @@ share their random numbers. There walls are diffuse, with a finish or without, a
 
 @dataclass(frozen=True)
 class EstimatorRow:
-    """Result of a scene; missing values are NaN.
+    """Comparison of an estimator with plain paths in one scene; missing values are NaN.
 
     Attributes
     ----------
     value : float
-        Reading or change of a reading by paths that do not use the estimator, W.
+        Reading, or difference of two readings, by plain paths, in W.
     off : float
-        Deviation of the estimator, W.
+        Value of the estimator minus the value by plain paths, in W.
     error : float
-        Standard error of the deviation, W.
+        Standard error of this deviation, in W.
     gain : float
-        Ratio of the variances with equal numbers of paths.
+        Variance of plain paths divided by that of the estimator, for equal numbers of paths.
     seconds : float
-        CPU time.
+        CPU time, in s.
     """
 
     COLUMNS: ClassVar = {
@@ -116,25 +117,26 @@ class EstimatorRow:
 
     @property
     def relative(self) -> float:
-        """Deviation relative to the value."""
+        """Deviation divided by the value."""
         return self.off / abs(self.value) if self.value else math.nan
 
     @property
     def deviates(self) -> float:
-        """Magnitude of the deviation in combined errors."""
+        """Magnitude of the deviation divided by its standard error."""
         return abs(self.off) / self.error if self.error else 0.0
 
 
 @dataclass(frozen=True)
 class EstimatorCase:
-    """A comparison of two estimators: of a reading with image connections, or of a difference between two loads.
+    """A comparison: of a reading with and without image connections, or of the difference between two loads with and
+    without paths through material points.
 
     Attributes
     ----------
     light : LightCase
-        The scene; for differences, under the larger load.
+        The scene; for a difference, under the larger load.
     load : tuple[float, float, float] or None
-        Smaller load in N for a difference; None for a reading.
+        Smaller load of a difference, in N; None for the comparison of a reading.
     """
 
     light: LightCase
@@ -185,14 +187,14 @@ class EstimatorCase:
 
 
 def _powers(ready: Prepared, points: int, seed: int) -> np.ndarray:
-    """Readings (R,) of the replicates in W."""
+    """Readings (R,) of the first taxel in R replicates, in W."""
     run = Run(ready, seed)
     run.extend_to(points)
     return run.powers[:, 0]
 
 
 def estimator_cases() -> list[EstimatorCase]:
-    """Draw the scenes of the table; each shape of cells has separate random numbers."""
+    """Draw all cases of the table at random. Each cell shape has separate random numbers."""
     cases = []
     for cell, shape in CellShape.kinds().items():
         random = generator(SEED, cell)
@@ -203,7 +205,7 @@ def estimator_cases() -> list[EstimatorCase]:
 
 
 def _with_mirror(random: np.random.Generator, label: str, cell: str) -> EstimatorCase:
-    """An unloaded pad whose roof is a mirror or partly one, and whose sides scatter."""
+    """A case of an unloaded pad whose roof is entirely or partly a mirror, and whose sides are diffuse."""
     case = drawn_case(random, label, cell)
     pad = {name: value for name, value in case.source["pad"].items() if name not in ("force", "mesh_size")}
     roof = {"type": "wall", "scattering": "mirror", "reflectance": round(random.uniform(0.3, 1.0), 2)}
@@ -213,7 +215,7 @@ def _with_mirror(random: np.random.Generator, label: str, cell: str) -> Estimato
 
 
 def _with_loads(random: np.random.Generator, label: str, cell: str) -> EstimatorCase:
-    """A pad under two loads, with a finish or a fillet or both, where its shape can have them."""
+    """A case of a pad under two loads, with a random finish and, if its shape allows, a fillet."""
     case = drawn_case(random, label, cell)
     pad = {name: value for name, value in case.source["pad"].items() if name != "mesh_size"}
     force = [*random.uniform(-0.1, 0.1, 2).round(2).tolist(), -round(random.uniform(0.3, 0.9), 2)]
@@ -238,13 +240,13 @@ def _can_be_rounded(pad: dict[str, Any]) -> bool:
 
 
 def _diffuse(random: np.random.Generator) -> dict[str, Any]:
-    """A wall that only scatters."""
+    """A random diffuse wall: Lambertian or isotropic."""
     scattering = str(random.choice(["lambertian", "isotropic"]))
     return {"type": "wall", "scattering": scattering, "reflectance": round(random.uniform(0.3, 0.95), 2)}
 
 
 def _with_walls(case: LightCase, pad: dict[str, Any], roof: dict, side: dict, words: str) -> LightCase:
-    """The case with another pad and other walls; its new name consists of ``words``, the walls and the optics."""
+    """Copy a case with another pad and other walls. Its new name consists of ``words``, the walls and the optics."""
     walls = ", ".join(f"{name} {wall['scattering']} {wall['reflectance']:g}" for name, wall in
                       (("roof", roof), ("sides", side)))  # fmt: skip
     source = {**case.source, "pad": {**pad, "bsdf": {"type": "region", "roof": roof, "side": side}}}
@@ -275,7 +277,7 @@ def estimators(
 
 
 def summary(rows: Sequence[EstimatorRow]) -> str:
-    """A sentence with the numbers of scenes that agree, and the root mean square deviation."""
+    """Summarise rows: the numbers of scenes that agree, and the root mean square deviation."""
     compared = [row for row in rows if not row.remark]
     off = np.array([row.deviates for row in compared if row.error > 0])
     sentence = f"{int((off <= ALLOWED).sum())} of {len(off)} scenes agree within {ALLOWED:g} combined errors"

@@ -1,4 +1,5 @@
-"""Scenes drawn at random: their figures of merit at three target errors are compared with those on finer elements."""
+"""Scenes of `taxel bench figures`, drawn at random. Their figures of merit (slopes, nonlinearity, hysteresis) at three
+target errors are compared with reference values from finer elements."""
 
 from __future__ import annotations
 
@@ -55,16 +56,16 @@ OTHER_SEED = 7
 
 @dataclass(frozen=True)
 class FigureCase:
-    """A scene with the loads of its sweep.
+    """A scene, and the loads of its sweep.
 
     Attributes
     ----------
     name : str
-        Words for the row.
+        Description of the scene, which names its row.
     sensor : PadSensor
-        The scene.
+        The sensor of the scene.
     vary, together : dict[str, list of float]
-        Loads, as arguments of `sweep`.
+        Loads of the sweep, as the arguments of `sweep` with these names.
     """
 
     name: str
@@ -73,7 +74,7 @@ class FigureCase:
     together: Mapping[str, list[float]]
 
     def measured(self) -> Any:
-        """The row, measured in this process."""
+        """Measure the case in this process."""
         start = time.process_time()
         numbers: dict[str, float] = {}
         try:
@@ -96,17 +97,17 @@ class FigureCase:
 
     @property
     def largest_fine(self) -> float:
-        """Largest size in mm of the finest elements of the truth."""
+        """Largest size in mm that the finest elements of the reference values may have."""
         has_rim = self.sensor.pad.cell == "spherical" and self.sensor.roof.scattering == "isotropic"
         return FINE_RIM if has_rim else FINE
 
     def failed(self, end: str) -> Any:
-        """The row for a process that returned no row."""
+        """The result of a case whose process ended without a result, for the reason ``end``."""
         return FigureRow(self.name, end)
 
     def _truth(self, file: Path, fine: float, study: xr.Dataset) -> tuple[dict[str, float], xr.DataArray]:
-        """Figures in the limit of small elements, their change by the extrapolation from elements of ``fine`` mm, and
-        the readings in that limit."""
+        """Compute reference values: the figures of merit in the limit of small elements, their change by the
+        extrapolation from elements of ``fine`` mm, and the readings in this limit."""
         random = POINTS if study.attrs["points"] else None
         seed = OTHER_SEED if random else 0
         power = []
@@ -127,20 +128,22 @@ class FigureCase:
 
 
 def path_of_error(study: xr.Dataset, limit: xr.DataArray) -> dict[str, float]:
-    """True error of the readings over the stated error along the path, and the largest strain.
+    """Compute how the ratio of true to stated error of a reading changes along the load path (its course), and the
+    largest strain.
 
     Parameters
     ----------
     study : xr.Dataset
-        Study of a sweep without random numbers.
+        Study of the sweep.
     limit : xr.DataArray
-        Readings (..., replicate, taxel) in the limit of small elements.
+        Readings in the limit of small elements, with the dimensions of the sweep, ``replicate`` and ``taxel``.
 
     Returns
     -------
     dict[str, float]
-        ``course``: true over stated error of the first taxel's reading at the largest force, less that at the first
-        load at which an error is stated; NaN with random numbers, whose noise is no error of elements. ``strain``.
+        ``course``: true error divided by stated error of the first taxel's reading at the largest force, minus this
+        ratio at the first load with a stated error; absent with random paths, because their noise is not an error of
+        the elements. ``strain``: the largest strain.
     """
     strain = float(study.largest_strain.max())
     if study.attrs["points"]:
@@ -154,7 +157,7 @@ def path_of_error(study: xr.Dataset, limit: xr.DataArray) -> dict[str, float]:
 
 
 def _figures(study: xr.Dataset) -> dict[str, tuple[float, float]]:
-    """Value and stated error of each figure of the first taxel, over its first run of growing force."""
+    """Value and stated error of each figure of merit of the first taxel, from its first loading."""
     recordings = simulated_experiments(study)
     table = characteristics(recordings.experiments, recordings.off)
     rows = table[(table.taxel == 1) & (table.loading == 1) & table.figure.isin(FIGURES)]
@@ -162,10 +165,11 @@ def _figures(study: xr.Dataset) -> dict[str, tuple[float, float]]:
 
 
 def _true_figures(study: xr.Dataset, smooth: bool) -> dict[str, tuple[float, float]]:
-    """Value and error of each figure of the readings in the limit; the only error is the noise of random paths.
+    """Value and error of each figure of merit in the limit of small elements. The only error is the noise of random
+    paths.
 
-    With derivatives, the slopes of a sweep are those of a smooth curve. Here they are those of the polynomial through
-    all readings, which does not oscillate, as the loads are Chebyshev points.
+    With ``smooth``, for sweeps with derivatives, slopes are those of the polynomial through all readings. It does not
+    oscillate, because the loads are Chebyshev points.
     """
     figures = _figures(study)
     if smooth:
@@ -178,23 +182,24 @@ def _true_figures(study: xr.Dataset, smooth: bool) -> dict[str, tuple[float, flo
 
 
 def figure_cases(seed: int = SEED) -> list[FigureCase]:
-    """The rows of the table, in its order; the same for a seed."""
+    """All cases, in the order of the table. The same seed gives the same cases."""
     random = np.random.default_rng(seed)
     cases = [*(_drawn(random, number) for number in range(1, CASES + 1)), _thin_roof()]
     return [*cases, *(_larger_loads(number, cases[of - 1]) for number, of in enumerate(LARGER, len(cases) + 1))]
 
 
 def _larger_loads(number: int, case: FigureCase) -> FigureCase:
-    """A scene under larger loads, where the error changes more along the path because strains are larger."""
+    """Copy a case with larger loads, at which strains are larger and the error changes more along the load path."""
     loads = [round(FACTOR * load, 5) for load in case.vary["fz"]]
     name = f"{number} larger loads: {case.name.partition(': ')[2].rpartition(', ')[0]}, {loads[-1]:g} N"
     return FigureCase(name, case.sensor, {"fz": loads}, {})
 
 
 def _thin_roof() -> FigureCase:
-    """A scene of an earlier draw with one layer of elements in the roof, on the default mesh and on the second mesh.
+    """A case with a thin roof that has a single layer of elements, both on the default mesh and on the second mesh that
+    gives the stated error.
 
-    The difference of the two meshes shows a third of the error only.
+    The difference between the two meshes is only a third of the error. The scene is from an earlier draw.
     """
     pad = Pad("parallelepiped", 1, 1, pitch=3.97, wall=0.96, height=2.76, cell_size=3.01, cell_height=1.55)
     reflector = PhotoReflector(led=AnnularLed(law="cosine_power", exponent=4.0))
@@ -205,12 +210,13 @@ def _thin_roof() -> FigureCase:
 
 
 def _loads(largest: float) -> list[float]:
-    """Chebyshev points from 0 to the largest load, with both ends: a polynomial through them does not oscillate."""
+    """Chebyshev points from 0 to the largest load, including both ends. A polynomial through readings at these loads
+    does not oscillate."""
     return [round(largest * fraction, 5) + 0.0 for fraction in (1 - np.cos(np.linspace(0, np.pi, LOADS))) / 2]
 
 
 def _drawn(random: np.random.Generator, number: int) -> FigureCase:
-    """A scene, drawn again until its components fit."""
+    """Draw a random scene; the draw is repeated until its components fit together."""
     kind = OTHER_KINDS.get(number % 10, "normal force")
     cell = CELL_SHAPES[(number - 1) % len(CELL_SHAPES)]
     for _ in range(TRIES):
@@ -222,7 +228,7 @@ def _drawn(random: np.random.Generator, number: int) -> FigureCase:
 
 
 def _sensor(random: np.random.Generator, kind: str, cell: str) -> tuple[PadSensor, str]:
-    """A sensor, and its components in words."""
+    """Draw a random sensor; returns it with a description of its components."""
     size, wall = round(random.uniform(2.0, 3.4), 2), round(random.uniform(0.7, 1.5), 2)
     columns = 2 if kind == "normal force" and random.random() < 0.1 else 1
     roof = round(random.uniform(1.0, 3.0), 2)
@@ -268,7 +274,7 @@ def _words(wall: Wall) -> str:
 
 
 def _with_loads(random: np.random.Generator, number: int, kind: str, sensor: PadSensor, name: str) -> FigureCase:
-    """The case, with loads that compress the pad by a few percent."""
+    """Make the case of a sensor, with loads that compress the pad by a few percent."""
     x, y, _ = sensor.pad.extent
     law: Any = getattr(sensor.material, "law", sensor.material)
     modulus = law.youngs_modulus

@@ -1,4 +1,4 @@
-"""One row of the table of figures of merit against those on finer elements."""
+"""Result class of `taxel bench figures`: figures of merit of one scene, and their reference values."""
 
 from __future__ import annotations
 
@@ -24,21 +24,23 @@ LEAST_TRUTH = 0.002
 
 
 def _truth_error(row: Any, figure: str) -> float:
-    """Standard error of a figure in the limit of small elements, from the extrapolation and the noise."""
+    """Standard error of the reference value of a figure of merit, due to the extrapolation and the noise."""
     true, noise, extrapolation = (getattr(row, f"{figure}_{kind}") for kind in _TRUE)
     least = LEAST_TRUTH * abs(true) if figure.endswith("slope") else 0.0
     return math.hypot(max(TRUTH_SHARE * abs(extrapolation), least), noise)
 
 
 def _deviation(row: Any, figure: str, target: str) -> float:
-    """Error of a figure of a sweep over the combined error of sweep and truth; NaN if it is unknown."""
+    """True error of a figure of merit divided by the combined standard error of sweep and reference value; NaN if
+    unknown."""
     value, error = (getattr(row, f"{figure}_{target}_{kind}") for kind in KINDS)
     combined_error = math.hypot(error, row.truth_error(figure))
     return (value - getattr(row, f"{figure}_true")) / combined_error if combined_error else math.nan
 
 
 def _weakness(row: Any, figure: str, target: str) -> float:
-    """Error of the truth over the stated error; above 1, the comparison cannot judge the stated error."""
+    """Standard error of the reference value divided by the stated error of the sweep; above 1, the comparison says
+    little about the stated error."""
     error = getattr(row, f"{figure}_{target}_error")
     return row.truth_error(figure) / error if error else math.nan
 

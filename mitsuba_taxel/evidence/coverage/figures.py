@@ -1,4 +1,5 @@
-"""The table of figures of merit of scenes drawn at random, at three target errors, against those on finer elements."""
+"""Table and page of `taxel bench figures`: figures of merit of random scenes at three target errors, compared with
+reference values from finer elements."""
 
 from __future__ import annotations
 
@@ -124,21 +125,22 @@ def figures(
 
 
 def deviations(rows: Sequence[Any], figure: str, target: str) -> tuple[list[float], int]:
-    """Errors of a figure at a target error, relative to the combined stated errors of sweep and truth.
+    """List the true errors of a figure of merit at one target error, each divided by the combined standard error of
+    sweep and reference value.
 
     Parameters
     ----------
     rows : sequence of FigureRow
         Measured rows.
     figure, target : str
-        One of `FIGURES` and of `TARGETS`.
+        Name of the figure of merit, one of `FIGURES`, and of the target error, one of `TARGETS`.
 
     Returns
     -------
     judged : list[float]
-        Magnitudes, for the scenes in which the figure is judged.
+        Magnitudes of these ratios, for the scenes whose reference value is accurate enough for a comparison.
     unjudged : int
-        Number of the other scenes that have the figure.
+        Number of the other scenes with this figure.
     """
     with_error = [row for row in rows if not math.isnan(row.deviation(figure, target))]
     ratios = [(abs(row.deviation(figure, target)), row.weakness(figure, target)) for row in with_error]
@@ -147,10 +149,10 @@ def deviations(rows: Sequence[Any], figure: str, target: str) -> tuple[list[floa
 
 
 def counts(rows: Sequence[Any]) -> list[list[str]]:
-    """Cells of a row for each figure and target error, below `COUNTS`.
+    """Count the comparisons of each figure of merit at each target error, as rows of a table in the order of `COUNTS`.
 
-    The cells are the numbers of figures, of figures that are not judged, and of errors within once and twice the stated
-    error; the median of stated over true errors; and the largest ratio of true to stated errors.
+    A row has the number of figures, the number that are not judged, the numbers with an error within once and twice the
+    combined standard error, the median ratio of stated to true error, and the largest ratio of true to stated error.
     """
     table = []
     for figure in FIGURES:
@@ -165,7 +167,7 @@ def counts(rows: Sequence[Any]) -> list[list[str]]:
 
 
 def summary(rows: Sequence[Any]) -> str:
-    """A sentence with the number of figures within twice their stated errors."""
+    """Summarise rows: the number of figures of merit within twice their stated errors."""
     pairs = [deviations(rows, figure, target) for figure in FIGURES for target in TARGETS]
     ratios, unjudged = [value for values, _ in pairs for value in values], sum(count for _, count in pairs)
     read = [row for row in rows if not row.remark]
@@ -182,13 +184,13 @@ def summary(rows: Sequence[Any]) -> str:
 
 
 def taken_course(strain: float) -> float:
-    """Assumed standard deviation of the change of a reading's error from the first load to the last, relative to its
-    size."""
+    """Standard deviation that figures of merit assume for the change of a reading's error from the first load to the
+    last, relative to the stated error."""
     return DIFFERENCE * min(max(COURSE, BY_STRAIN * strain), 1.0)
 
 
 def courses(rows: Sequence[Any]) -> str:
-    """Sentences that compare the change of the true error along the path with the assumed change."""
+    """Compare, in sentences, the change of the true error along the load path with the assumed change."""
     known = [row for row in rows if not math.isnan(row.course)]
     if not known:
         return "It is not known for any scene of these rows."
@@ -203,7 +205,7 @@ def courses(rows: Sequence[Any]) -> str:
 
 
 def cells(row: Any) -> list[str]:
-    """Text of the table cells of one scene, in the order of `HEADINGS`."""
+    """Format the results of one scene as table cells, in the order of `HEADINGS`."""
     ratios = [row.deviation(figure, target) for figure in SHOWN for target in TARGETS]
     ratios += [row.weakness(figure, "default") for figure in SHOWN]
     costs = (
@@ -222,7 +224,8 @@ def cells(row: Any) -> list[str]:
 
 
 def before_the_rule(rows: Sequence[Any]) -> str:
-    """A sentence that lists the rows whose truth was computed on larger elements than the present rule requires."""
+    """A sentence that lists the scenes whose reference values were computed on larger elements than the present rule
+    requires; empty if there are none."""
     largest = {case.name: case.largest_fine for case in figure_cases()}
     numbers = [row.case[:2] for row in rows if row.case in largest and row.fine > largest[row.case] + 1e-9]
     return f" Rows from before it, on larger elements: {', '.join(numbers)}." if numbers else ""

@@ -1,4 +1,5 @@
-"""The table of readings with and without random numbers, of optical configurations drawn at random."""
+"""Table and page of `taxel bench light`: readings without random numbers are compared with readings by random paths,
+for optical configurations drawn at random."""
 
 from __future__ import annotations
 
@@ -102,7 +103,7 @@ def _measured(case: LightCase) -> LightRow:
 
 
 def summary(rows: Sequence[LightRow]) -> str:
-    """Sentences with the numbers of readings within their errors, and the costs."""
+    """Summarise rows: the numbers of readings within their errors, and the computing times."""
     read = [row for row in rows if not row.remark]
     if not read:
         return f"None of {len(rows)} configurations could be read."

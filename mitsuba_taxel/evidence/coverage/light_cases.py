@@ -1,4 +1,5 @@
-"""Optical configurations drawn at random, each read without random numbers, if it can be, and by random paths."""
+"""Optical configurations of `taxel bench light`, drawn at random. Each is read without random numbers, if possible, and
+by random paths."""
 
 from __future__ import annotations
 
@@ -40,14 +41,14 @@ DERIVED = ("cell_height", "cell_size")
 
 @dataclass(frozen=True)
 class LightCase:
-    """One row of the table.
+    """One optical configuration of a pad with one cell.
 
     Attributes
     ----------
     source : dict
-        Source of the scene as a dictionary; files of its tables are named ``led`` and ``sensor``.
+        Source of the scene as a dictionary, without the files of tabulated laws.
     tables : dict[str, list[tuple[float, float]]]
-        Their rows: angle in degrees, and value.
+        Tabulated laws of the components ``led`` and ``sensor`` of the package: rows of angle in degrees and value.
     with_slopes : bool
         Whether derivatives are compared as well.
     """
@@ -58,7 +59,7 @@ class LightCase:
     with_slopes: bool = False
 
     def measured(self) -> LightRow:
-        """The row, measured in this process."""
+        """Measure the case in this process."""
         with tempfile.TemporaryDirectory() as folder:
             scene = self.scene(Path(folder))
             try:
@@ -67,11 +68,11 @@ class LightCase:
                 return LightRow(self.name, remark=str(error))
 
     def failed(self, end: str) -> LightRow:
-        """The row for a process that returned no row."""
+        """The result of a case whose process ended without a result, for the reason ``end``."""
         return LightRow(self.name, remark=end)
 
     def scene(self, folder: Path) -> Scene:
-        """The scene, with its tables as files in a folder."""
+        """Make the scene; its tabulated laws are written as files to a folder."""
         source = {**self.source, "package": dict(self.source["package"])}
         for component, rows in self.tables.items():
             file = folder / f"{component}.csv"
@@ -107,9 +108,11 @@ class LightCase:
         )
 
     def _slopes(self, scene: Scene, default: Readings) -> tuple[float, float, float]:
-        """Deviation, stated error and noise of the derivative that deviates most, relative to the reading, per mm.
+        """Compare derivatives without random numbers with those by random paths. Returns deviation, stated error, and
+        noise of the worst derivative, relative to the reading, per mm.
 
-        The worst one deviates most in combined errors. All are NaN for scenes whose light needs random paths.
+        The worst derivative has the largest deviation divided by the combined error. All three numbers are NaN for
+        scenes whose light needs random paths.
         """
         from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
         from mitsuba_taxel.sensing.derivatives.path_derivatives import derivatives_of_paths
@@ -131,7 +134,7 @@ class LightCase:
 
 
 def traced(scene: Scene) -> Readings:
-    """Readings by random paths, with as many paths as the noise requires and the time allows."""
+    """Reference values: readings by random paths, with as many paths as the noise requires and the time allows."""
     start, points = time.process_time(), FIRST
     readings = measure(scene, points=points, seed=1, mechanics_error=False)
     while True:
@@ -145,17 +148,19 @@ def traced(scene: Scene) -> Readings:
 
 
 def light_cases(seed: int = 52) -> list[LightCase]:
-    """Draw the configurations of the table: those of the paper's shapes, then some of each other registered shape.
+    """Draw all configurations of the table at random: those with the paper's cell shapes, then some with each other
+    registered shape.
 
     Parameters
     ----------
     seed : int
-        Seed of the draw. Other shapes have separate random numbers: a new shape changes no other configuration.
+        Seed of the draw. Other shapes have separate random numbers, so that a newly registered shape does not change
+        the other configurations.
 
     Returns
     -------
     list of LightCase
-        Rows in the order of the table.
+        Cases in the order of the table.
     """
     random = np.random.default_rng(seed)
     cases = []
@@ -170,23 +175,23 @@ def light_cases(seed: int = 52) -> list[LightCase]:
 
 
 def drawn_case(random: np.random.Generator, label: str, cell: str, with_slopes: bool = False) -> LightCase:
-    """A configuration with cells of a shape, drawn again until its components fit.
+    """Draw a random configuration with a given cell shape; the draw is repeated until its components fit together.
 
     Parameters
     ----------
     random : np.random.Generator
-        Random numbers, of which the configuration takes as many as it needs.
+        Generator of the random numbers.
     label : str
-        First word of its name.
+        First word of the configuration's name.
     cell : str
-        Name of the shape.
+        Name of the cell shape.
     with_slopes : bool
         Whether derivatives are compared as well.
 
     Returns
     -------
     LightCase
-        A pad of one cell above one package.
+        A pad with one cell above one package.
     """
     for _ in range(TRIES):
         case = _draw(random, label, cell, with_slopes)
@@ -196,7 +201,7 @@ def drawn_case(random: np.random.Generator, label: str, cell: str, with_slopes: 
 
 
 def _draw(random: np.random.Generator, label: str, cell: str, with_slopes: bool) -> LightCase | None:
-    """A configuration; None if its components do not fit."""
+    """Draw a random configuration; None if its components do not fit together."""
     tables: dict[str, list[tuple[float, float]]] = {}
     led, led_words = _led(random, tables)
     sensor, sensor_words = _sensor(random, tables)
@@ -262,7 +267,8 @@ def _sensor(random: np.random.Generator, tables: dict) -> tuple[dict[str, Any], 
 
 
 def _table(random: np.random.Generator, end: float, end_value: float) -> list[tuple[float, float]]:
-    """Rows of a law that falls from 1 to its value at its last angle, in degrees, by random steps."""
+    """Draw a random tabulated law: rows of angle in degrees and value. It falls in random steps from 1 to ``end_value``
+    at the angle ``end``."""
     count = int(random.integers(2, 8))
     angles = end * np.concatenate([[0], np.sort(random.uniform(0.1, 0.9, count - 2)), [1]])
     falls = random.uniform(0.2, 1, count - 1)

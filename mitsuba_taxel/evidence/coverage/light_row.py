@@ -1,4 +1,4 @@
-"""One row of the table of readings with and without random numbers."""
+"""Result class of `taxel bench light`: a reading without random numbers compared with random paths."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import ClassVar
 
 @dataclass(frozen=True)
 class LightRow:
-    """Result of a configuration; missing values are NaN.
+    """Comparison of a reading at the default settings with a reading by random paths, for one configuration; missing
+    values are NaN.
 
     Attributes
     ----------
@@ -20,19 +21,19 @@ class LightRow:
     power : float
         Reading at the default settings, in W.
     off, stated : float
-        Relative deviation of the reading from random paths, and its relative stated error.
+        Relative deviation of the reading from that by random paths, and its relative stated error.
     noise : float
-        Relative stated error of the random paths.
+        Relative stated error of the reading by random paths.
     slope_off, slope_stated, slope_noise : float
-        Deviation, stated error and noise of the worst derivative, relative to the reading, per mm.
+        Deviation, stated error, and noise of random paths, of the worst derivative; relative to the reading, per mm.
     seconds, tight_seconds : float
-        CPU time at the default settings, and to 0.1 %.
+        CPU time in s of a reading at the default settings, and of a reading to a target error of 0.1 %.
     megabytes : float
-        Peak memory of both.
+        Peak memory of both readings, in MB.
     remark : str
         Reason why the configuration could not be read; else empty.
     measured : str
-        Time in UTC, which identifies the code that was measured.
+        Time of the measurement in UTC, which identifies the measured code.
     """
 
     COLUMNS: ClassVar = {
@@ -69,12 +70,12 @@ class LightRow:
 
     @property
     def deviates(self) -> float:
-        """Deviation over the combined error of both readings."""
+        """Deviation divided by the combined error of both readings."""
         return _ratio(abs(self.off), math.hypot(self.stated, self.noise))
 
     @property
     def slope_deviates(self) -> float:
-        """Deviation of the worst derivative over its combined error."""
+        """Deviation of the worst derivative divided by the combined error."""
         return _ratio(abs(self.slope_off), math.hypot(self.slope_stated, self.slope_noise))
 
 

@@ -1,4 +1,4 @@
-"""Settings of touched pads whose readings are compared with those on finer elements, drawn at random."""
+"""Settings of `taxel bench coverage` with indenters, drawn at random."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Setting = tuple[str, dict[str, Any]]
 
 
 def touch_settings() -> Iterator[tuple[str, PadSensor]]:
-    """Names and sensors: each kind of touch on each of the paper's shapes of cells."""
+    """Yield the name and the sensor of each setting: every kind of touch on each of the paper's cell shapes."""
     rng = np.random.default_rng(SEED)
     kinds: tuple[Callable[[np.random.Generator], Setting], ...] = (
         _pressed_ball,
@@ -45,7 +45,7 @@ def touch_settings() -> Iterator[tuple[str, PadSensor]]:
 
 
 def _drawn(rng: np.random.Generator, low: float, high: float) -> float:
-    """A number with two digits, its logarithm uniform."""
+    """Draw a number with two digits between ``low`` and ``high``, uniformly distributed on a logarithmic scale."""
     return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.2g}")
 
 
@@ -55,7 +55,7 @@ def _position(rng: np.random.Generator, largest: float = 1.5) -> tuple[float, fl
 
 
 def _ball(rng: np.random.Generator, smallest: float = 0.3) -> tuple[float, float]:
-    """Radius and depth in mm."""
+    """Draw the radius and the depth of a ball, in mm."""
     radius = _drawn(rng, smallest, 3.0)
     return radius, _drawn(rng, 0.05, min(0.4, 0.4 * radius))
 

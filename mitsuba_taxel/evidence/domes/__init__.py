@@ -1,5 +1,5 @@
-"""Readings and their slopes under domes, flat and rough roofs, compared with quadrature and with rays at a horizon.
+"""Readings and derivatives of cells with domed, flat and rough roofs, compared with independent references.
 
-Input: scenes of one cell whose light is known. Output: rows with stated and true error (`taxel bench domes`, `horizon`,
+Input: scenes of one cell. Output: tables with the stated and the true error of each (`taxel bench domes`, `horizon`,
 `slopes`, `rough`).
 """

@@ -1,4 +1,5 @@
-"""Cells compared with independent references: exact roofs without a load, much smaller elements under a load."""
+"""Table of `taxel bench domes`: readings compared with references. Without a load the reference is quadrature over the
+exact roof; under a load it is the reading on much smaller elements."""
 
 from __future__ import annotations
 
@@ -102,7 +103,8 @@ One hemispheric cell on elements of the default size, and of {larger:g} mm, comp
 
 @dataclass(frozen=True)
 class DomeRow:
-    """One row of the table; `deviation`, `noise` and `stated` are relative."""
+    """Comparison of one reading with its reference. `load` is in N and `truth`, the reference value, in W; `deviation`,
+    `noise` and `stated` are relative to it."""
 
     cell: str
     wall: str
@@ -116,7 +118,8 @@ class DomeRow:
 
 @dataclass(frozen=True)
 class PadRow:
-    """One row of the mirrors of other pads; all numbers but `load` and `truth` are relative."""
+    """Comparison of the reading of another pad with a mirror with its reference. `load` is in N and `truth`, the
+    reference value, in W; all other numbers are relative to it."""
 
     pad: str
     load: float
@@ -128,16 +131,16 @@ class PadRow:
 
 
 def dome_scene(cell: str, roof: dict[str, Any], cells: int = 1, **pad: Any) -> Scene:
-    """A scene of cells over LEDs without a hole; all walls but the roof absorb.
+    """Make a scene of cells above LEDs without a hole; all walls except the roof absorb.
 
     Parameters
     ----------
     cell : str
         Shape of the cells.
     roof : dict
-        Parameters of the roof's wall.
+        Parameters of the `wall` of the roof.
     cells : int
-        Number of cells along a side of the pad.
+        Number of cells along each side of the pad.
     **pad : Any
         Other parameters of the pad.
 
@@ -154,7 +157,7 @@ def dome_scene(cell: str, roof: dict[str, Any], cells: int = 1, **pad: Any) -> S
 
 
 def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
-    """Rows of the table as they are measured; ``starting`` is called with the name of each."""
+    """Measure the rows of the first table, and yield each; ``starting`` is called with its name before."""
     for cell in (*DOMES, *(cell for cell in CELL_SHAPES if cell not in DOMES), *other_cells()):
         for name in WALLS:
             exact = None
@@ -167,7 +170,7 @@ def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
 
 
 def mirrors_of_pads(starting: Callable[[str], None] | None = None) -> Iterator[PadRow]:
-    """Rows of mirrors in other pads, as they are measured; ``starting`` is called with the name of each."""
+    """Measure the rows for mirrors in other pads, and yield each; ``starting`` is called with its name before."""
     for load, changes in PADS:
         pad = ", ".join(f"{name} = {value:g}" for name, value in changes.items()) or "default"
         if starting:
@@ -189,7 +192,7 @@ def mirrors_of_pads(starting: Callable[[str], None] | None = None) -> Iterator[P
 
 
 def stated_for_shape(readings: Readings) -> float:
-    """Relative error that readings state for geometry and mechanics."""
+    """Stated relative error of readings due to geometry and mechanics."""
     return math.hypot(readings.error_budget["geometry"], readings.error_budget["mechanics"])
 
 
@@ -203,9 +206,9 @@ def _row(cell: str, name: str, cells: int, load: Force, truth: tuple[float, floa
 
 
 def _on_exact_roof(cell: str, name: str) -> tuple[float, float] | None:
-    """Power in W on the phototransistor of an unloaded cell, and its standard error.
+    """Reference value of an unloaded cell: power in W on its phototransistor, and standard error.
 
-    None if the roof is neither spherical nor flat and round.
+    The result is None if the roof is neither spherical nor flat and round.
     """
     pad, wall = pad_of(cell, rows=1, columns=1), WALLS[name]
     roof: Dome | FlatRoof
@@ -223,7 +226,7 @@ def _on_exact_roof(cell: str, name: str) -> tuple[float, float] | None:
 
 
 def _on_small_elements(cell: str, name: str, cells: int, load: Force) -> tuple[float, float]:
-    """Power in W on the phototransistor with small elements, and its standard error."""
+    """Reference value of a loaded cell, from small elements: power in W on its phototransistor, and standard error."""
     size = (FINE_ASIDE if any(load[:2]) else FINE)[cells]
     by_parts = cells > 1 and any(load[:2])
     mesh = {} if by_parts else {"mesh_size": size}
@@ -234,7 +237,7 @@ def _on_small_elements(cell: str, name: str, cells: int, load: Force) -> tuple[f
 
 @contextmanager
 def _default_elements(cell: str, size: float) -> Iterator[None]:
-    """Change the default size of elements of a loaded shape to ``size`` mm within the context."""
+    """Context manager: change the default size of the elements of a loaded pad to ``size`` mm."""
     relative = size / Pad(cell).default_mesh_size
     shape = CellShape.named(cell)
     default_sizes = shape.light_sizes
@@ -251,35 +254,35 @@ def _on_pad(load: Force, cells: int) -> list[float]:
 
 
 def _listed(load: Force) -> str:
-    """A force in words: its normal component alone if the others are 0."""
+    """A force as text: the normal component only if the others are 0."""
     return ", ".join(f"{component:g}" for component in (load if any(load[:2]) else load[2:]))
 
 
 def _points(cell: str, name: str, cells: int) -> int | None:
-    """Points per replicate and taxel; None for diffuse walls, which need no random paths."""
+    """Number of points per replicate and taxel; None for diffuse walls, which need no random paths."""
     return MORE_POINTS.get((cell, name), 1) * POINTS // cells**2 if "mirror" in name else None
 
 
 def _mean(readings: Readings) -> tuple[float, float]:
-    """Mean power in W of the taxels, which are all alike, and its standard error."""
+    """Mean power in W of all taxels, which are equal by symmetry, and its standard error."""
     means = readings.replicates.mean(axis=1)
     return float(means.mean()), float(np.std(means, ddof=1) / math.sqrt(len(means)))
 
 
 def dome_cells(row: DomeRow) -> list[str]:
-    """The row as text, below `HEADINGS`."""
+    """Format a row as table cells, in the order of `HEADINGS`."""
     relative = f"{row.deviation:+.3%}", f"{row.noise:.3%}", f"{row.stated:.3%}"
     return [row.cell, row.wall, f"{row.cells} x {row.cells}", _listed(row.load), f"{row.truth:.6g}", *relative]
 
 
 def pad_cells(row: PadRow) -> list[str]:
-    """The row as text, below `PAD_HEADINGS`."""
+    """Format a row as table cells, in the order of `PAD_HEADINGS`."""
     relative = f"{row.deviation:+.2%}", f"{row.noise:.2%}", f"{row.stated:.2%}", f"{row.deviation_larger:+.2%}"
     return [row.pad, f"{row.load:g}", f"{row.truth:.6g}", *relative]
 
 
 def summary(rows: Sequence[DomeRow]) -> str:
-    """A sentence with the number of readings within twice their stated error and three times the noise, and the names
+    """Summarise rows: the number of readings within twice their stated error and three times the noise, and the names
     of all other readings."""
     beyond = [row for row in rows if abs(row.deviation) > 2 * row.stated + 3 * row.noise]
     names = "; ".join(f"{row.cell}, {row.wall}, {row.cells} x {row.cells}, {_listed(row.load)} N" for row in beyond)

@@ -1,7 +1,9 @@
-"""Light in a cell with a flat, round roof: quadrature and ray tracing without elements, triangles or a renderer.
+"""Reference values of the light in a cell with a flat, round roof, by quadrature and ray tracing without finite
+elements, triangles or a renderer.
 
-Lengths are in mm, heights above the plane of LED and phototransistor, powers in W per W of an LED that is uniform over
-its square and over the solid angle of its cone. All walls but the roof absorb, and hide no part of it.
+Lengths are in mm, and heights are above the plane of LED and phototransistor. Powers are in W per W of an LED that
+emits uniformly over its square and over the solid angle of its cone. All walls except the roof absorb, and do not hide
+the roof.
 """
 
 from __future__ import annotations
@@ -34,8 +36,8 @@ class FlatRoof:
     spacing: float
 
     def diffuse_power(self, law: str, count: int = 36) -> float:
-        """Power with a roof that scatters all light: light is reflected only once, as a flat roof does not illuminate
-        itself.
+        """Power on the phototransistor with a diffuse roof of reflectance 1. Light is reflected only once, because a
+        flat roof does not illuminate itself.
 
         Parameters
         ----------
@@ -66,12 +68,13 @@ class FlatRoof:
         return float(area @ (irradiance * response))
 
     def mirror_power(self, rms_slope: float = 0.0, seed: int = 0, points: int = 1 << 16) -> tuple[float, float]:
-        """Power with a mirror roof: by the image of the LED if it is smooth, by ray tracing in 16 runs if it is rough.
+        """Power on the phototransistor with a mirror roof: by the image of the LED if the roof is smooth, by ray
+        tracing in 16 runs if it is rough.
 
         Parameters
         ----------
         rms_slope : float
-            Roughness, in degrees.
+            Roughness: root mean square slope, in degrees.
         seed : int
             Seed of the rays.
         points : int
@@ -88,7 +91,8 @@ class FlatRoof:
         return float(np.mean(runs)), float(np.std(runs, ddof=1) / 4)
 
     def _of_image(self) -> float:
-        """Power on the phototransistor from the image of the LED at twice the height, seen through the disc."""
+        """Power on the phototransistor from the mirror image of the LED at twice the height, seen through the disc of
+        the roof."""
         side, w = gauss(-0.5 * LED, 0.5 * LED, 10)
         x, wx = gauss(0.5 * self.spacing - 0.5 * WIDTH, 0.5 * self.spacing + 0.5 * WIDTH, 10)
         y, wy = gauss(-0.5 * DEPTH, 0.5 * DEPTH, 10)
@@ -101,7 +105,7 @@ class FlatRoof:
         )
 
     def _rays(self, rms_slope: float, u: np.ndarray) -> float:
-        """Power by rays from random numbers (N, 6)."""
+        """Power from N rays, each with six random numbers ``u`` (N, 6)."""
         # Rays from the LED to the plane of the roof.
         origin = np.stack([LED * (u[:, 0] - 0.5) - 0.5 * self.spacing, LED * (u[:, 1] - 0.5), 0 * u[:, 0]], axis=1)
         cosine = 1 - u[:, 2] * (1 - math.cos(CONE))

@@ -1,4 +1,5 @@
-"""Derivatives along lines of loaded designs on one mesh, by the width over which the step at the horizon is spread."""
+"""Table of `taxel bench horizon`: derivatives of readings along lines of loaded designs on one mesh, for several widths
+over which the step of isotropic light at the horizon is smoothed."""
 
 from __future__ import annotations
 
@@ -56,21 +57,21 @@ LINES: dict[str, tuple[Callable[[float], Scene], str, float, float]] = {
 
 @dataclass(frozen=True)
 class HorizonRow:
-    """Derivatives along a line, relative to the mean slope between its ends. The mean slope follows from readings with
-    more points on the phototransistor.
+    """Errors of derivatives along one line of designs with one width, relative to the mean slope between the ends of
+    the line. The mean slope follows from readings with more quadrature points on the phototransistor.
 
     Attributes
     ----------
     line, parameter : str
-        Name of the line, and parameter that changes along it.
+        Name of the line, and the parameter that changes along it.
     width : float
-        Width, between walls, over which the step at the horizon is spread (cosine).
+        Width over which the step at the horizon is smoothed for light between walls, as the cosine of an angle.
     bias : float
-        Deviation of the mean derivative.
+        Mean derivative minus mean slope.
     scatter : float
         Standard deviation of the derivatives from a smooth curve.
     stated : float
-        Root mean square of the stated error that is due to the width; NaN if unknown.
+        Root mean square of the stated error due to the width; NaN if unknown.
     """
 
     COLUMNS: ClassVar = {
@@ -111,7 +112,7 @@ phototransistor. Readings do not depend on the width.
 
 
 def horizon(starting: Callable[[str], None] | None = None) -> Iterator[HorizonRow]:
-    """Rows of the table, line by line; ``starting`` is called with the name of each."""
+    """Measure the lines, and yield the rows of each; ``starting`` is called with its name before."""
     for line, (scene, parameter, first, last) in LINES.items():
         if starting:
             starting(line)
@@ -123,7 +124,7 @@ def horizon(starting: Callable[[str], None] | None = None) -> Iterator[HorizonRo
 
 
 def _reading(scene: Scene) -> float:
-    """Power of the only taxel in W, with more points on the phototransistor."""
+    """Power in W on the phototransistor of the only taxel, with more quadrature points on it."""
     cells = DiffuseCells(scene.load(), POINTS)
     patches = cells.patches(0)
     walls = patches.rest + patches.carried(cells.pad.state.displacement)
@@ -131,14 +132,15 @@ def _reading(scene: Scene) -> float:
 
 
 def _derivatives(scene: Scene, parameter: str) -> list[float]:
-    """Derivatives of the reading of a scene with respect to a parameter, one for each width."""
+    """Derivatives of the reading of a scene with respect to a parameter, one for each width in `WIDTHS`."""
     live, change = scene.load(), [rates(scene, parameter)]
     results = (derivatives_by(change, live, with_errors=False, wider=factor) for factor in WIDER)
     return [float(result.values[0, 0]) for result in results]
 
 
 def _bias_scatter_and_error(values: np.ndarray, slopes: np.ndarray, number: int) -> tuple[float, float, float]:
-    """Bias, scatter and stated error for one width of derivatives (N, W), which are relative to the mean slope."""
+    """Bias, scatter and stated error for the width with the index ``number``, from derivatives (N, W) at N designs with
+    W widths, relative to the mean slope."""
     of_width = slopes[:, number]
     bias = float(np.trapezoid(of_width, values) / np.ptp(values)) - 1
     smooth = np.polynomial.Polynomial.fit(values, of_width, DEGREE)(values)

@@ -1,4 +1,5 @@
-"""Slopes of single cells with rough walls: their errors, and the CPU time that they take."""
+"""Table of `taxel bench rough`: slopes of the readings of single cells with rough walls, their errors and their CPU
+time."""
 
 from __future__ import annotations
 
@@ -36,24 +37,25 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], int]] = {
 
 @dataclass(frozen=True)
 class RoughRow:
-    """Slopes of one cell; errors are relative to the slopes.
+    """Slopes of the reading of one cell over the force; their errors are relative.
 
     Attributes
     ----------
     case : str
         Name of the case in `CASES`.
     points : int
-        Number of light paths per replicate.
+        Number of light paths per taxel and replicate.
     reading : float
         Relative error of the worst reading due to light.
     slope, light, shape : float
-        Mean slope in µW/N, and its errors due to light, and due to finite elements and facets.
+        Mean slope in µW/N; its relative error due to the light; and that due to finite elements and facets.
     largest : float
-        Error of the largest slope due to light and curve.
+        Relative error of the largest slope due to the light and to the fitted curve.
     seconds : float
         CPU seconds of the study.
     plain : float
-        Error of the mean slope by as many paths that share their random numbers.
+        Relative error of the mean slope by the same number of plain paths, which share their random numbers between
+        loads.
     """
 
     COLUMNS: ClassVar = {
@@ -101,7 +103,7 @@ walls other than the roof absorb, and Lambertian roofs reflect 90 %.
 
 
 def rough_slopes(starting: Callable[[str], None] | None = None) -> Iterator[RoughRow]:
-    """Rows of the table as they are measured; ``starting`` is called with the name of each."""
+    """Measure the cases, and yield a row for each; ``starting`` is called with its name before."""
     for case, (cell, roof, finish, points) in CASES.items():
         if starting:
             starting(case)

@@ -1,4 +1,5 @@
-"""Derivatives of readings at the default settings, compared with those on small elements."""
+"""Table of `taxel bench slopes`: derivatives of readings at the default settings, compared with those on small
+elements."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ use the same patches for the light, so the error of the patches is not part of t
 
 @dataclass(frozen=True)
 class SlopeRow:
-    """One derivative; `seconds` is the CPU time for all derivatives of its state."""
+    """Comparison of one derivative with its reference; `seconds` is the CPU time of all derivatives of the same
+    state."""
 
     cell: str
     force: tuple[float, ...]
@@ -61,7 +63,8 @@ class SlopeRow:
 
 
 def slopes(starting: Callable[[str], None] | None = None) -> Iterator[SlopeRow]:
-    """Rows of the table as they are measured; ``starting`` is called with the name of each state."""
+    """Measure the states, and yield a row for each derivative; ``starting`` is called with the name of each state
+    before."""
     for cell in CELL_SHAPES:
         for force in FORCES:
             if starting:
@@ -81,7 +84,7 @@ def _derivatives(cell: str, force: Sequence[float], pad: dict[str, Any]) -> tupl
 
 
 def slope_cells(row: SlopeRow) -> list[str]:
-    """The row as text, below `HEADINGS`."""
+    """Format a row as table cells, in the order of `HEADINGS`."""
     deviation = row.value - row.truth
     force = ", ".join(f"{component:g}" for component in row.force)
     relative = f"{row.stated / abs(row.value):.2%}", f"{deviation / abs(row.truth):+.2%}"
@@ -90,7 +93,7 @@ def slope_cells(row: SlopeRow) -> list[str]:
 
 
 def summary(rows: Sequence[SlopeRow]) -> str:
-    """A sentence with the numbers of derivatives within once and twice the stated error."""
+    """Summarise rows: the numbers of derivatives within once and twice the stated error."""
     ratios = [abs(row.value - row.truth) / row.stated for row in rows]
     within = [sum(ratio <= bound for ratio in ratios) for bound in (1, 2)]
     return f"{within[0]} of {len(rows)} derivatives are within the stated error, {within[1]} within twice that."

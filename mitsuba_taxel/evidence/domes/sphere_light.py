@@ -1,7 +1,8 @@
-"""Light in cells with spherical or flat roofs: quadrature and ray tracing without elements, triangles or a renderer.
+"""Reference values of the light in a cell with a spherical roof, by quadrature and ray tracing without finite elements,
+triangles or a renderer.
 
-Lengths are in mm, heights above the plane of LED and phototransistor, powers in W per W of an LED that is uniform over
-its square and over the solid angle of its cone. All other surfaces absorb.
+Lengths are in mm, and heights are above the plane of LED and phototransistor. Powers are in W per W of an LED that
+emits uniformly over its square and over the solid angle of its cone. All other surfaces absorb.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ CONE = math.radians(88.0)
 
 
 def gauss(low, high, count):
-    """Gauss-Legendre rule on an interval.
+    """Nodes and weights of the Gauss-Legendre quadrature on an interval.
 
     Parameters
     ----------
     low, high : float or ndarray
-        Ends; arrays for several intervals.
+        Ends of the interval; arrays for several intervals.
     count : int
         Number of nodes.
 
     Returns
     -------
     nodes, weights : (..., count) ndarray
-        Nodes and weights of each interval.
+        Nodes and weights of each interval, along the last axis.
     """
     x, w = np.polynomial.legendre.leggauss(count)
     half = 0.5 * (np.asarray(high) - low)[..., None]
@@ -47,7 +48,8 @@ def gauss(low, high, count):
 
 @dataclass(frozen=True)
 class Dome:
-    """A cap of a sphere of ``radius``, whose rim, of the cell's width, is at the height ``rim`` above the LED."""
+    """A dome: the cap of a sphere of ``radius``. Its rim has the width of the cell, and lies at the height ``rim``
+    above the LED."""
 
     radius: float
     rim: float
@@ -59,11 +61,11 @@ class Dome:
 
     @cached_property
     def widest(self) -> float:
-        """Angle between the axis and the rim in radians, seen from the centre of the sphere."""
+        """Polar angle of the rim in radians, seen from the centre of the sphere."""
         return math.asin(RADIUS / self.radius)
 
     def at(self, polar, azimuth):
-        """Points of the sphere at angles from its axis."""
+        """Points of the sphere at polar angles and azimuths about its axis."""
         sine = np.sin(polar)
         direction = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.cos(polar) + 0 * azimuth], axis=-1)
         return self.centre + self.radius * direction
@@ -71,7 +73,7 @@ class Dome:
     # ---- walls that scatter in all directions
 
     def diffuse_power(self, law: str, count: int = 36) -> float:
-        """Power with a roof that scatters all light.
+        """Power on the phototransistor with a diffuse roof of reflectance 1.
 
         Parameters
         ----------
@@ -104,11 +106,11 @@ class Dome:
         return self._emitted(spline)
 
     def _isotropic(self, points, polar, weight, direct):
-        """Response to light at each point with an isotropic roof.
+        """Fraction of the light arriving at each point of an isotropic roof that finally reaches the phototransistor.
 
-        It is the direct response + the integral of the response / (4 pi R r) at the distance r, as cos / r^2 is
-        1 / (2 R r) on a sphere. The kernel's singularity is subtracted: its integral over the cap is known along each
-        direction.
+        It solves an integral equation: the response at a point is the direct response plus the integral over the cap of
+        the response / (4 pi R r), at the distance r, because cos / r^2 is 1 / (2 R r) on a sphere of radius R. The
+        singularity of the kernel is subtracted: its integral over the cap is known along each direction.
         """
         distance = np.linalg.norm(points[:, None] - points, axis=2)
         np.fill_diagonal(distance, np.inf)
@@ -124,7 +126,7 @@ class Dome:
         return value
 
     def _emitted(self, value) -> float:
-        """Mean of ``value`` over the light of the LED on the roof."""
+        """Mean of ``value`` over the light that the LED sends to the roof."""
         side, w = gauss(-0.5 * LED, 0.5 * LED, 5)
         azimuth = 2 * math.pi * (np.arange(128) + 0.5) / 128
         x, y, phi = (a.ravel() for a in np.meshgrid(side - 0.5 * self.spacing, side, azimuth, indexing="ij"))
@@ -146,12 +148,12 @@ class Dome:
     # ---- mirrors
 
     def mirror_power(self, rms_slope: float = 0.0, seed: int = 0, points: int = 1 << 16) -> tuple[float, float]:
-        """Power with a mirror roof, by ray tracing in 16 runs.
+        """Power on the phototransistor with a mirror roof, by ray tracing in 16 runs.
 
         Parameters
         ----------
         rms_slope : float
-            Roughness, in degrees.
+            Roughness: root mean square slope, in degrees.
         seed : int
             Seed of the rays.
         points : int
@@ -166,7 +168,7 @@ class Dome:
         return float(np.mean(runs)), float(np.std(runs, ddof=1) / 4)
 
     def _rays(self, rms_slope, u):
-        """Power by rays from random numbers (N, 24)."""
+        """Power from N rays, each with 24 random numbers ``u`` (N, 24)."""
         x = np.stack([LED * (u[:, 0] - 0.5) - 0.5 * self.spacing, LED * (u[:, 1] - 0.5), 0 * u[:, 0]], axis=1)
         cosine = 1 - u[:, 2] * (1 - math.cos(CONE))
         sine, phi = np.sqrt(1 - cosine**2), 2 * math.pi * u[:, 3]
@@ -199,16 +201,16 @@ class Dome:
 
 
 def direct_response(points, normals, law, spacing):
-    """Fraction of the light scattered at points of a roof that reaches the phototransistor directly.
+    """Fraction of the light scattered at each point of a roof that reaches the phototransistor directly.
 
     Parameters
     ----------
     points, normals : (N, 3) ndarray
-        Points in mm, with z above the LED; unit normals that point into the cell.
+        N points in mm, with z above the LED, and their unit normals, which point into the cell.
     law : str
         ``lambertian`` or ``isotropic``.
     spacing : float
-        Distance of LED and phototransistor, mm.
+        Distance between LED and phototransistor, mm.
 
     Returns
     -------
@@ -233,18 +235,18 @@ def reflected_at_facets(wi, normal, alpha, v):
     Parameters
     ----------
     wi, normal : (N, 3) ndarray
-        Directions towards the origin of each ray, and normals of the wall.
+        Directions back towards the origin of each of N rays, and normals of the wall.
     alpha : float
-        Roughness.
+        Roughness of Beckmann's distribution: sqrt(2) times the tangent of the root mean square slope.
     v : (N, 2) ndarray
-        Random numbers.
+        Two random numbers for each ray.
 
     Returns
     -------
     directions : (N, 3) ndarray
         Directions of the reflected rays.
     weights : (N,) ndarray
-        Their weights.
+        Weights of the reflected rays.
     """
     cosine = 1 / np.sqrt(1 - alpha**2 * np.log1p(-v[:, 0]))
     sine, phi = np.sqrt(1 - cosine**2), 2 * math.pi * v[:, 1]
@@ -261,7 +263,7 @@ def reflected_at_facets(wi, normal, alpha, v):
 
 
 def _visible(cosine, alpha):
-    """Smith's G1 for Beckmann's distribution."""
+    """Fraction of microfacets that are visible under an angle: Smith's G1 for Beckmann's distribution."""
     a = cosine / (alpha * np.sqrt(np.maximum(1 - cosine**2, 1e-30)))
     return 2 / (1 + erf(a) + np.exp(-(a**2)) / (a * math.sqrt(math.pi)))
 

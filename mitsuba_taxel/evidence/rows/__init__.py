@@ -1,4 +1,5 @@
-"""Rows of tables: each case is measured in a separate process, and kept in a file, so that a long run can be resumed.
+"""Tables of test cases. Each case is measured in a separate process; its result, a row of the table, is stored in a
+file, so that a long run can be resumed.
 
-Input: cases. Output: rows, CSV files and pages of Markdown. A crash, a timeout or a lack of memory is a row, too.
+Input: cases. Output: rows, CSV files and pages of Markdown. A crash, a timeout or a lack of memory also gives a row.
 """

@@ -1,4 +1,4 @@
-"""Measurement of a case in a separate process: a crash, timeout or lack of memory becomes a row."""
+"""Measurement of a case in a separate process, so that a crash, a timeout or a lack of memory becomes a result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mitsuba_taxel.base.processes.worker_process import NoAnswer, answer_of
 
 
 class Measurable(Protocol):
-    """A case to measure: it can be pickled, and its row is a dataclass of JSON values."""
+    """A test case. It can be pickled; its result is a dataclass of values that JSON supports."""
 
     def measured(self) -> Any: ...
 
@@ -28,7 +28,7 @@ MOST_MEMORY = 16 * 2**30
 
 
 def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:
-    """Measure a case in another process with an empty cache of solutions.
+    """Measure a case in a new process with an empty cache of solutions.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: in
     Returns
     -------
     Any
-        The row of the case; if the process ends without a row, that of ``case.failed`` with the reason.
+        The result of the case; if the process ends without a result, that of ``case.failed`` with the reason.
     """
     limit = str(memory_limit(memory, "DATA"))
     command = [sys.executable, "-m", "mitsuba_taxel.evidence.rows.worker", limit]
@@ -56,7 +56,7 @@ def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: in
 
 
 def _end_of_process(failure: NoAnswer, seconds: float) -> str:
-    """Describe the end of a process that returned no row."""
+    """Describe how a process without a result ended."""
     if failure.end == "time":
         return f"out of time after {seconds:g} s"
     if failure.end == "memory":

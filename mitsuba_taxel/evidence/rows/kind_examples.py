@@ -1,4 +1,5 @@
-"""Examples of registered kinds, with which the tables test a new cell, law or indenter without naming it."""
+"""Example parameters of all registered kinds of cells, laws and indenters, so that the tables test a new kind without
+naming it."""
 
 from __future__ import annotations
 
@@ -22,12 +23,12 @@ RADIUS = 1.5
 
 
 def required_values(kind: type[Kind]) -> dict[str, Any]:
-    """Values for the parameters of a kind that have no default.
+    """Example values of the parameters of a kind that have no default.
 
     Parameters
     ----------
     kind : type
-        Kind of cells, laws or indenters.
+        Class of a kind of cell, law or indenter.
 
     Returns
     -------
@@ -45,24 +46,24 @@ def other_cells() -> list[str]:
 
 
 def other_indenters(listed: tuple[str, ...]) -> list[str]:
-    """Names of the registered indenters, except for the listed ones and bodies from files."""
+    """Names of the registered indenters, except those in ``listed`` and bodies from files."""
     return [name for name in IndenterShape.kinds() if name not in (*listed, "file")]
 
 
 def pad_of(cell: str, **parameters: Any) -> Pad:
-    """A pad of any shape of cells.
+    """Make a pad with cells of any registered shape.
 
     Parameters
     ----------
     cell : str
-        Name of the shape; cells with a profile are hemispheric.
+        Name of the cell shape. A cell with a profile gets that of a hemisphere.
     **parameters : Any
         Other arguments of the pad.
 
     Returns
     -------
     Pad
-        Pad with examples of the parameters that the shape requires.
+        Pad with example values of the parameters that the shape requires.
 
     Raises
     ------
@@ -75,20 +76,20 @@ def pad_of(cell: str, **parameters: Any) -> Pad:
 
 
 def cell_parameters(cell: str) -> dict[str, Any]:
-    """Values by name of the parameters that describe cells of this shape, beyond those of all pads."""
+    """Example values, by name, of the parameters that only cells of this shape have."""
     pad, shape = pad_of(cell), CellShape.named(cell)
     names = (*shape.uses, *shape.own_parameters())
     return {name: getattr(pad, name) for name in ("cell_height", *names)} if names else {}
 
 
 def law_of(name: str) -> Material:
-    """A material of any law, with examples of the parameters that it requires."""
+    """Make a material of any registered law, with example values of the parameters that it requires."""
     law: Any = Material.named(name)
     return law(**required_values(law))
 
 
 def indenter_of(name: str, **parameters: Any) -> Indenter:
-    """An indenter of any shape.
+    """Make an indenter of any registered shape.
 
     Parameters
     ----------
@@ -100,7 +101,7 @@ def indenter_of(name: str, **parameters: Any) -> Indenter:
     Returns
     -------
     Indenter
-        Indenter with examples of the parameters that the shape requires.
+        Indenter with example values of the parameters that the shape requires.
     """
     shape = IndenterShape.named(name)
     radius = {"radius": RADIUS} if "radius" in shape.uses else {}
@@ -108,7 +109,7 @@ def indenter_of(name: str, **parameters: Any) -> Indenter:
 
 
 def generator(seed: int, name: str) -> np.random.Generator:
-    """Random numbers for the cases of a kind, which stay the same when other kinds are added.
+    """Random number generator for the cases of one kind. Its numbers stay the same when other kinds are registered.
 
     Parameters
     ----------
@@ -120,6 +121,6 @@ def generator(seed: int, name: str) -> np.random.Generator:
     Returns
     -------
     Generator
-        Seeded by both.
+        Generator seeded by both arguments.
     """
     return np.random.default_rng([seed, *name.encode()])

@@ -1,4 +1,4 @@
-"""Rows of tables as text, and those of the table of extreme mechanics."""
+"""Rows of tables as text, and the row class of the table of extreme mechanics (`taxel bench stability`)."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ CONVERGED = "converged"
 
 
 class TableRow(Protocol):
-    """A row of a table; ``COLUMNS`` has heading and number format of each column, by name of the row's attribute."""
+    """A row of a table: the result of one case. ``COLUMNS`` has the heading and the number format of each column, by
+    the attribute that it shows."""
 
     COLUMNS: ClassVar[dict[str, tuple[str, str]]]
 
 
 def headings(kind: type[TableRow]) -> list[str]:
-    """Headings of the columns of a class of rows."""
+    """Headings of the table of a row class."""
     return [heading for heading, _ in kind.COLUMNS.values()]
 
 
 def cells(row: TableRow) -> list[str]:
-    """The row's cells as text, in the order of its columns; "-" where there is no number."""
+    """Format a row as the cells of a table, in the order of its columns; "-" for a missing number."""
     return [_cell(row, name, form) for name, (_, form) in row.COLUMNS.items()]
 
 
 def _cell(row: Any, name: str, form: str) -> str:
-    """A formatted number of a row, or a text; the verdict includes failures."""
+    """Format one attribute of a row, a number or a text. The verdict is followed by failures."""
     value = getattr(row, name)
     if name == "verdict" and row.wrong:
         return f"{value}; WRONG: {row.wrong}"
@@ -37,42 +38,42 @@ def _cell(row: Any, name: str, form: str) -> str:
 
 @dataclass(frozen=True)
 class MechanicsRow:
-    """Result of a case; missing values are NaN.
+    """Result of one case of extreme mechanics; missing values are NaN.
 
     Attributes
     ----------
     verdict : str
         ``converged``, ``ends at ...``, ``refused: ...``, or how the process ended.
     wrong : str
-        Failure, empty if there is none.
+        Description of a failure; empty if there is none.
     iterations : float
-        Iterations of Newton's method, over all accepted steps.
+        Number of Newton iterations, summed over all accepted load steps.
     steps : float
-        Accepted steps.
+        Number of accepted load steps.
     cutbacks : float
-        Number of steps halved or given up.
+        Number of load steps that were halved or abandoned.
     min_jacobian : float
-        Smallest volume ratio J at the quadrature points, at any accepted step.
+        Smallest volume ratio J (Jacobian) at the quadrature points, over all accepted steps.
     node_jacobian : float
-        Smallest J at the ten nodes of the elements of the last state.
+        Smallest J at the ten nodes of any element, in the last state.
     residual : float
-        Largest out-of-balance force of any accepted step, relative to the load.
+        Largest residual (out-of-balance force) of any accepted step, relative to the load.
     imbalance : float
-        Difference of the load and the board's reaction at the last state, relative to the load.
+        Difference between the load and the reaction of the board in the last state, relative to the load.
     stability : str
-        ``stable`` if every step was checked and is stable, else ``not checked``.
+        ``stable`` if all steps were tested for stability and are stable, else ``not checked``.
     roof : float
-        Length of the mean displacement of the roofs at the last state, in mm.
+        Magnitude of the mean displacement of the roofs in the last state, in mm.
     stated_error : float
-        Root mean square of the stated error of the roofs, relative to `roof`.
+        Root mean square of the stated error of the roofs' displacement, relative to `roof`.
     finer_change : float
-        Change of the mean displacement on the finer mesh, relative to `roof`.
+        Change of the mean displacement of the roofs on a finer mesh, relative to `roof`.
     seconds : float
-        CPU time, for the state and its error.
+        CPU time of the state and its error estimate, in s.
     megabytes : float
-        Peak memory.
+        Peak memory, in MB.
     inverted : str
-        Load of the first accepted step with J of 0 or less at a node of an element, empty if there is none.
+        Load of the first accepted step with J <= 0 at a node of an element; empty if there is none.
     """
 
     COLUMNS: ClassVar = {

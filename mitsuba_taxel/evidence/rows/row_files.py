@@ -1,4 +1,4 @@
-"""Rows of tables that are kept in a file, so that a long run can be stopped and resumed."""
+"""Tables whose rows are stored in a file, so that a long run can be stopped and resumed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Row = TypeVar("Row", bound=Any)
 
 
 class Named(Protocol):
-    """What has a name in a table."""
+    """An object with a name in a table."""
 
     @property
     def name(self) -> str: ...
@@ -33,7 +33,7 @@ AnyNamed = TypeVar("AnyNamed", bound=Named)
 
 
 def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
-    """Select cases by name.
+    """Select the cases of a table by a pattern of their names; at least one case must match.
 
     Parameters
     ----------
@@ -58,12 +58,13 @@ def chosen(cases: Sequence[AnyCase], only: str | None) -> list[AnyCase]:
 
 
 def matching(cases: Sequence[AnyNamed], only: str | None) -> list[AnyNamed]:
-    """The cases whose name contains a pattern with the wildcards * and ?, or all if it is None; possibly none."""
+    """Select the cases whose names contain a pattern with the wildcards * and ?. All cases are selected if the pattern
+    is None; the result may be empty."""
     return [case for case in cases if only is None or fnmatchcase(case.name, f"*{only}*")]
 
 
 class ResumedTable(Generic[Row]):
-    """A table whose rows are measured one by one, and kept in a file.
+    """A table whose cases are measured one by one, with the results stored in a file.
 
     Parameters
     ----------
@@ -74,11 +75,11 @@ class ResumedTable(Generic[Row]):
     row : type
         Dataclass of the rows, whose field ``case`` is the name of the case.
     measure : Callable
-        Measures a case; returns its row.
+        Measures a case and returns its row.
     write_page : Callable[[Sequence[Row], Path, str], None]
-        Writes rows as a page, which names the command.
+        Writes rows as a page; the last argument is the command that the page names.
     repeats : Callable[[Row], bool]
-        Whether a row of the file is measured again, for example because it failed.
+        Whether the case of a stored row is measured again, for example because it failed.
     """
 
     def __init__(
@@ -100,23 +101,23 @@ class ResumedTable(Generic[Row]):
         markdown: Path | None,
         starting: Callable[[int, int, str], None] | None,
     ) -> Iterator[Row]:
-        """Yield the selected rows as they are measured or read from the file.
+        """Measure the selected cases that are not yet in the file, and yield the rows of all selected cases.
 
         Parameters
         ----------
         only : str or None
             Pattern for a part of the cases' names, with the wildcards * and ?.
         csv_file : Path or None
-            File of the rows measured so far, which are not measured again.
+            File of the rows measured so far, whose cases are not measured again.
         markdown : Path or None
-            Page that is rewritten after each row, with all rows of the file.
+            Page that is rewritten after each row; it contains all rows of the file.
         starting : Callable[[int, int, str], None] or None
-            Called with (number of a case, total number, its name).
+            Called before each case with its number, the number of all cases, and its name.
 
         Raises
         ------
         InputError
-            if no case matches, a file cannot be written, or an existing one holds other rows.
+            if no case matches, if a file cannot be written, or if the existing CSV file is of another table.
         """
         # Refuse bad arguments before any case is measured.
         cases = chosen(self._cases, only)
@@ -141,7 +142,7 @@ class ResumedTable(Generic[Row]):
 
 
 def not_measured(cases: Sequence[NamedCase], rows: Sequence[Any]) -> str:
-    """A paragraph of a page with the names of the cases that have no row yet.
+    """Write the paragraph of a page that lists the cases without a row.
 
     Parameters
     ----------
@@ -153,7 +154,7 @@ def not_measured(cases: Sequence[NamedCase], rows: Sequence[Any]) -> str:
     Returns
     -------
     str
-        Markdown.
+        Paragraph in Markdown.
     """
     measured = {row.case for row in rows}
     names = [case.name for case in cases if case.name not in measured]
@@ -161,7 +162,7 @@ def not_measured(cases: Sequence[NamedCase], rows: Sequence[Any]) -> str:
 
 
 def command_of(name: str, csv_file: Path | None, markdown: Path | None) -> str:
-    """The command line that writes the files of a table.
+    """Compose the command line that writes the files of a table, as the page shows it.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def command_of(name: str, csv_file: Path | None, markdown: Path | None) -> str:
 
 
 def read_rows(file: Path, kind: type[Row]) -> dict[str, Row]:
-    """Read a file of :func:`write_rows` with one row for each case.
+    """Read a CSV file of rows that :func:`write_rows` wrote, with one row for each case.
 
     Parameters
     ----------
@@ -186,7 +187,7 @@ def read_rows(file: Path, kind: type[Row]) -> dict[str, Row]:
     Returns
     -------
     dict[str, Row]
-        Rows by name of their case.
+        Rows by the name of their case.
 
     Raises
     ------
@@ -197,7 +198,7 @@ def read_rows(file: Path, kind: type[Row]) -> dict[str, Row]:
 
 
 def read_all_rows(file: Path, kind: type[Row]) -> list[Row]:
-    """Read a file of :func:`write_rows`.
+    """Read a CSV file of rows that :func:`write_rows` wrote.
 
     Parameters
     ----------
@@ -226,7 +227,7 @@ def read_all_rows(file: Path, kind: type[Row]) -> list[Row]:
 
 
 def write_rows(rows: Iterable[Any], file: Path) -> None:
-    """Write a CSV file with a heading and numbers in full precision; missing numbers are ``nan``.
+    """Write rows to a CSV file, with a line of headings and numbers in full precision; missing numbers are ``nan``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Error against time: the points of a work-precision diagram, and the slope of the error."""
+"""Work-precision diagrams: error against computing time, and the slope of the error."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ LEAST_SPAN = 2.0
 
 @dataclass(frozen=True)
 class WorkPoint:
-    """Result of one method with one setting.
+    """A point of a work-precision diagram: error and time of one method with one setting.
 
     Attributes
     ----------
     setting : str
-        Varied quantity, in words.
+        Value of the varied quantity, in words.
     seconds : float
-        Time of one run.
+        CPU time of one run, in s.
     error : float
         Relative error against the reference, root mean square over taxels and runs.
     stated : float
-        Relative error stated by the method; NaN if it states none.
+        Relative error that the method states; NaN if it states none.
     floor : float
-        Relative error of the reference, below which errors are not significant.
+        Relative error of the reference value; smaller errors are not significant.
     reference : str
-        Reference of the error.
+        Description of the reference value.
     runs : int
-        Number of runs, with different seeds.
+        Number of runs with different seeds.
     readings : int
-        Number of values of which `error` is the root mean square.
+        Number of values over which the root mean square `error` is taken.
     shares : dict[str, float]
-        Further columns by name: parts of the errors, seconds by stage.
+        Further columns by heading, such as parts of the error and seconds of each stage.
     remark : str
         Note for the reader.
     """
@@ -64,20 +64,21 @@ class WorkPoint:
 
     @property
     def shown(self) -> float:
-        """The error to show: that of the reference if it is larger, as smaller errors are not significant."""
+        """The error to plot: the larger of `error` and the error of the reference, as smaller errors are not
+        significant."""
         return max(self.error, self.floor)
 
 
 @dataclass(frozen=True)
 class ErrorCurve:
-    """One method's points in order of their work.
+    """The points of one method, in the order of increasing work.
 
     Attributes
     ----------
     part : str
         ``optics``, ``mechanics`` or ``chain``.
     launched : bool
-        Whether a run has a launch with a fixed cost.
+        Whether each run has a launch overhead: a fixed time, independent of the setting.
     remark : str
         Note for the reader, or the reason why there are no points.
     """
@@ -90,19 +91,20 @@ class ErrorCurve:
 
 
 class Slope(NamedTuple):
-    """Slope d log(error) / d log(seconds) with its standard error; NaN if points are too few or too close."""
+    """Slope d log(error) / d log(seconds) of a curve, with its standard error; NaN if there are too few points or they
+    are too close."""
 
     value: float
     standard_error: float
 
 
 def slope(curve: ErrorCurve) -> Slope:
-    """Slope of a method's error against its seconds, by least squares over the points after warm-up.
+    """Fit the slope of a method's error against its computing time on logarithmic axes, by weighted least squares.
 
-    For methods with a launch overhead, the time of the shortest run, which is mostly overhead, is subtracted, and only
-    points of at least :data:`WARM` times this time are used. Points not well above the error of the reference are left
-    out. Each point is weighted by the uncertainty of a root mean square of its number of readings. The standard error
-    follows from these weights, and is larger if the points scatter more.
+    For methods with a launch overhead, the time of the shortest run, which is mostly overhead, is subtracted from all
+    times, and only points of more than :data:`WARM` times this time are used. Points whose error is not well above that
+    of the reference are left out. Each point is weighted by its number of readings, which determines the uncertainty of
+    a root mean square. The standard error follows from these weights, and is larger if the points scatter more.
     """
     # Points after warm-up with significant errors.
     launch = min((point.seconds for point in curve.points), default=0.0) if curve.launched else 0.0
@@ -124,14 +126,14 @@ def slope(curve: ErrorCurve) -> Slope:
 
 @dataclass(frozen=True)
 class TruthEstimate:
-    """Reference for readings.
+    """Reference values of the readings of T taxels.
 
     Attributes
     ----------
     power, error : (T,) ndarray
         Power of each taxel and its standard error, in W.
     name : str
-        Source of the reference.
+        Description of how the reference was computed.
     """
 
     power: np.ndarray
@@ -140,17 +142,17 @@ class TruthEstimate:
 
     @property
     def floor(self) -> float:
-        """Relative error of the reference, root mean square over taxels: smaller errors are not significant."""
+        """Relative error of the reference: root mean square over the taxels."""
         return relative_rms(self.error, self.power)
 
 
 def relative_rms(error: np.ndarray, power: np.ndarray) -> float:
-    """Root mean square of relative errors, over the taxels that receive light; NaN if there are none.
+    """Root mean square of the relative errors of readings, over the taxels that receive light.
 
     Parameters
     ----------
     error : (..., T) ndarray
-        Errors in W.
+        Errors in W of each of T taxels, possibly of several runs.
     power : (T,) ndarray
         Power of each taxel in W.
     """

@@ -1,4 +1,4 @@
-"""The process that measures one row: it reads a case from standard input and writes its row to standard output.
+"""The process that measures one case: it reads the case from standard input and writes its row to standard output.
 
 Run as ``python -m mitsuba_taxel.evidence.rows.worker BYTES``, with its memory limit.
 """
