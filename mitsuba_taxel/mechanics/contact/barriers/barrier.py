@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sparse
 
-from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barriers.singular_edges import STRIP
+from mitsuba_taxel.mechanics.contact.ipc_toolkit import ipctk_of_one_thread
 from mitsuba_taxel.pads.regions import REGIONS
 
 REACH = 2e-3
@@ -193,14 +193,3 @@ def additive_ccd(ipctk: Any) -> Any:
     Kaufman and C. Jiang, ACM Trans. Graph. 40, 2021).
     """
     return ipctk.AdditiveCCD(conservative_rescaling=CLOSE)
-
-
-def ipctk_of_one_thread() -> Any:
-    """The package `ipctk` with one thread, so that its sums are reproducible to the bit; raises `InputError` if it is
-    missing."""
-    try:
-        import ipctk
-    except ImportError as missing:
-        raise InputError("self_contact needs the package ipctk: pip install ipctk.") from missing
-    ipctk.set_num_threads(1)  # the order of sums of several threads varies
-    return ipctk

@@ -15,9 +15,9 @@ from mitsuba_taxel.mechanics.contact.barriers.barrier import (
     REACH,
     REACH_AT_REST,
     additive_ccd,
-    ipctk_of_one_thread,
 )
 from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.contact.ipc_toolkit import ipctk_of_one_thread
 from mitsuba_taxel.mechanics.cutting import cut_faces
 from mitsuba_taxel.pads.regions import REGIONS
 

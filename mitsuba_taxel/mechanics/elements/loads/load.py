@@ -31,6 +31,7 @@ from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
+from mitsuba_taxel.mechanics.contact.ipc_toolkit import require_ipctk
 from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.parameters import Parameter, check, parameters_of, values_of
 
@@ -63,7 +64,13 @@ class Load(Kind, family="load"):
         Names of the two scene parameters that are its position along x and y, with respect to which readings have
         derivatives; empty without a position.
     self_contact : bool
-        Whether paths continue where the pad touches itself, the board or obstacles, by frictionless contact.
+        Whether paths continue where the pad touches itself, the board or obstacles, by frictionless contact; needs the
+        package `ipctk`.
+
+    Raises
+    ------
+    InputError
+        if a parameter is not allowed, or ``self_contact`` is set and `ipctk` is not installed.
     """
 
     quantity: ClassVar[str]
@@ -82,6 +89,8 @@ class Load(Kind, family="load"):
     def __post_init__(self) -> None:
         require("self_contact", self.self_contact, bool, "True or False")
         check(self)
+        if self.self_contact:  # before a pad is meshed and loaded
+            require_ipctk()
 
     @property
     def gives_displacement(self) -> bool:

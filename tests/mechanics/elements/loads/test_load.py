@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,6 +66,7 @@ def test_every_load_has_a_value_in_scenes_and_one_boundary_condition(kind):
 
 @pytest.mark.parametrize("kind", Load.kinds(), ids=str)
 def test_every_load_of_a_scene_is_that_of_its_parts(kind):
+    pytest.importorskip("ipctk")
     given = {Load.named(kind).quantity: 0.01 if kind == "pressure" else (0.0, 0.0, -0.1)}
     needed = [p for p in parameters_of(DeformablePad).values() if kind in p.when and p.default_text == ""]
     given |= {parameter.name: 1.5 for parameter in needed}
@@ -74,6 +76,14 @@ def test_every_load_of_a_scene_is_that_of_its_parts(kind):
     load, value = pad.build_load()
     assert type(load).name == kind and load.self_contact
     assert DeformablePad.of(pad.build_pad(), LAW, load, value, None).build_load() == (load, value)
+
+
+def test_a_load_with_self_contact_is_refused_without_its_package(monkeypatch):
+    """Before anything is meshed, also where the value of the load is zero; loads without it are allowed."""
+    monkeypatch.setitem(sys.modules, "ipctk", None)
+    with pytest.raises(InputError, match="^self_contact needs the package ipctk: pip install ipctk, for which [^\n]*$"):
+        DeformablePad(self_contact=True).build_load()
+    DeformablePad().build_load()
 
 
 def test_a_force_on_a_disk_of_ones_own_deforms_a_pad(disk_force):
