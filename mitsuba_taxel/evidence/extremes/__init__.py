@@ -1,4 +1,5 @@
-"""The table of extreme cases: pads, scenes and circuits, each of which must be right or refused in one line.
+"""Tables of extreme cases of pads, scenes and circuits. The result of each case must be right, or the case must be
+refused with a message of one line.
 
-Input: cases. Output: rows with an independent check (`taxel bench stability`).
+Input: cases. Output: rows with an independent check of each result (`taxel bench stability`).
 """

@@ -1,4 +1,4 @@
-"""One extreme case of the mechanics: solve it, and check the result independently of the solver."""
+"""Extreme cases of the mechanics: each is solved, and its result is checked independently of the solver."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ _MIDPOINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 
 @dataclass(frozen=True)
 class ExtremeCase(TableCase):
-    """One row of the table.
+    """An extreme case of the mechanics: a pad, its material and its load.
 
     Attributes
     ----------
@@ -57,11 +57,11 @@ class ExtremeCase(TableCase):
     mesh_size : float
         Mesh size of the finite elements, in mm.
     in_one_step : bool
-        Whether the load is applied in one Newton solve from rest, instead of along the load path.
+        Whether the whole load is applied in one Newton solve from the undeformed pad, instead of along the load path.
     with_finer_mesh : bool
         Whether the pad is also solved on elements smaller by a factor of 1.5.
     refused : bool
-        Whether it must be refused.
+        Whether the program must refuse the case.
     """
 
     ROW = MechanicsRow
@@ -76,9 +76,9 @@ class ExtremeCase(TableCase):
     refused: bool = False
 
     def measured(self) -> MechanicsRow:
-        """The row, measured in this process.
+        """Solve and check the case in this process.
 
-        Cached solutions are used: only with an empty cache are the seconds meaningful.
+        Cached solutions are used, so that the CPU time is meaningful with an empty cache only.
         """
         start = time.process_time()
         outcome = _in_one_step(self) if self.in_one_step else _along_path(self)
@@ -94,7 +94,8 @@ class ExtremeCase(TableCase):
 
 @dataclass(frozen=True, eq=False)
 class _Outcome:
-    """Result of a case: verdict, figures of its steps by name of the row's attribute, and its last state if any."""
+    """Outcome of a case: the verdict, results of its load steps by attribute of `MechanicsRow`, and the last state if
+    there is one."""
 
     verdict: str
     figures: dict[str, float | str]
@@ -102,32 +103,32 @@ class _Outcome:
 
 
 def with_flaw(row: MechanicsRow, refused: bool) -> MechanicsRow:
-    """Add the failure of a row, if there is one.
+    """Test a row, and add the reason if it counts as a failure.
 
     Parameters
     ----------
     row : MechanicsRow
-        A finished row.
+        Row without the result of the test.
     refused : bool
-        Whether its case must be refused.
+        Whether the program must refuse the case.
     """
     return replace(row, wrong=failure_of(row, refused))
 
 
 def failure_of(row: MechanicsRow, refused: bool = False) -> str:
-    """Reason why a finished row counts as a failure.
+    """Test whether a row counts as a failure.
 
     Parameters
     ----------
     row : MechanicsRow
         The row.
     refused : bool
-        Whether its case must be refused.
+        Whether the program must refuse the case.
 
     Returns
     -------
     str
-        The failure; empty if there is none.
+        Reason of the failure; empty if there is none.
     """
     if row.verdict.startswith("refused") != refused:
         return "it should be refused" if refused else "it should not be refused"
@@ -144,7 +145,7 @@ def failure_of(row: MechanicsRow, refused: bool = False) -> str:
 
 
 def _along_path(case: ExtremeCase) -> _Outcome:
-    """Solve a case along its load path, up to the load or to the end of the path."""
+    """Solve a case along its load path, up to its load or to the end of the path."""
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
     if case.load.driven is not None:
         path = path.driven  # on which the body is moved
@@ -170,7 +171,7 @@ def _along_path(case: ExtremeCase) -> _Outcome:
 
 
 def _in_one_step(case: ExtremeCase) -> _Outcome:
-    """Solve a case by one Newton solve from rest."""
+    """Solve a case by one Newton solve from the undeformed pad."""
     value = np.array(case.value)
     path = pad_path(case.pad, case.material, case.load, case.mesh_size)
     pad = path.segments.pad_for(np.zeros_like(value), value)
@@ -195,7 +196,8 @@ def _in_one_step(case: ExtremeCase) -> _Outcome:
 
 
 def _solve_figures(state: State) -> dict[str, float | str]:
-    """Figures of the solution of one state, for cases whose steps are not recorded: a single step, or friction."""
+    """Iterations, smallest Jacobian, residual and stability of one state, for cases whose load steps are not recorded:
+    a single step, or friction."""
     return {
         "iterations": state.newton_iterations,
         "min_jacobian": state.min_jacobian,
@@ -205,7 +207,8 @@ def _solve_figures(state: State) -> dict[str, float | str]:
 
 
 def _figures(case: ExtremeCase, path: PadPath) -> dict[str, float | str]:
-    """Effort, quality and stability of a path, and the first load that inverts an element at a node."""
+    """Results of all load steps of a path: iterations, cutbacks, smallest Jacobian, residual, stability, and the first
+    load that inverts an element at a node."""
     segments = list(path.segments.known.values())
     branches = path.segments.branches.values()
     curves = [segment for branch in branches for segment in (branch.curve, branch.onwards) if segment]
@@ -224,7 +227,8 @@ def _figures(case: ExtremeCase, path: PadPath) -> dict[str, float | str]:
 
 
 def _first_inverted(case: ExtremeCase, path: PadPath, segment: LoadSegment) -> str:
-    """The load of the first accepted step that inverts an element at a node, up to the load of the case; or empty."""
+    """The first load of an accepted step, up to the load of the case, that inverts an element at a node, as text; empty
+    if there is none."""
     pad = path.segments.pad_for(segment.origin, segment.direction)
     driven, linear = case.load.driven is not None, where_linear(path.mesh, path.load)
     reached = segment.limit if driven else float((np.array(case.value) - segment.origin) @ segment.direction)
@@ -236,10 +240,10 @@ def _first_inverted(case: ExtremeCase, path: PadPath, segment: LoadSegment) -> s
 
 
 def cutbacks(segment: LoadSegment) -> int:
-    """Number of halved or abandoned steps of a load segment.
+    """Count the halved and abandoned load steps of a segment of a load path.
 
-    Each accepted step is compared with the longest step that is allowed at its start. Steps that are shorter because
-    the segment plans them so count as well.
+    Each accepted step is compared with the longest step that is allowed at its start. Steps that were planned to be
+    shorter count as halved as well.
     """
     nodes = segment.nodes[:-1] if segment.mode.size else segment.nodes  # the last is where the pad buckles
     positions = [round(node.s / segment.tick) for node in nodes]
@@ -251,7 +255,7 @@ def cutbacks(segment: LoadSegment) -> int:
 
 
 def _longest(position: int, ticks: int) -> int:
-    """Length in ticks of the longest interval that may begin at a node."""
+    """Length, in ticks (the smallest step), of the longest load step that may begin at a position."""
     return min(position & -position, ticks) or TICKS
 
 
@@ -260,9 +264,10 @@ def _stability(checked: bool) -> str:
 
 
 def _state_figures(state: State | None) -> dict[str, float | str]:
-    """Figures of a state, computed independently of the solver.
+    """Checks of a state, computed independently of the solver: smallest Jacobian at nodes, balance of forces,
+    displacement of the roofs and its stated error.
 
-    The error of a state with self-contact is not computed, as it may take ten minutes.
+    The stated error of a state with self-contact is not computed, because it may take ten minutes.
     """
     if state is None:
         return {}
@@ -279,16 +284,17 @@ def _state_figures(state: State | None) -> dict[str, float | str]:
 
 
 def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray, linear: np.ndarray | None = None) -> float:
-    """Smallest volume ratio J of all elements, at their corners and at the other nodes of `judged_nodes`.
+    """Smallest volume ratio J (Jacobian) of all elements, at their corners and at the other nodes in `judged_nodes`.
 
     Parameters
     ----------
     mesh : VolumeMesh
         The undeformed mesh.
     displacement : (N, 3) ndarray
-        Displacement of its nodes, in mm.
+        Displacement of the N nodes, in mm.
     linear : (m, q) ndarray of bool, optional
-        Quadrature points at which the law is linear; corners among them are left out.
+        Mask of the q quadrature points of each of m elements: True where the material law is linear. Corners at such
+        points are not tested.
     """
     before, after = (map_determinants(points, mesh.tets) for points in (mesh.points, mesh.points + displacement))
     judged = judged_nodes(mesh)[mesh.tets]
@@ -297,14 +303,14 @@ def node_jacobian(mesh: VolumeMesh, displacement: np.ndarray, linear: np.ndarray
 
 
 def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
-    """Mean displacement of the roofs, over their undeformed area.
+    """Mean displacement of the roofs of all cells, weighted by undeformed area.
 
     Parameters
     ----------
     mesh : VolumeMesh
         The undeformed mesh.
     displacement : (N, 3) ndarray
-        Displacement of its nodes, in mm.
+        Displacement of the N nodes, in mm.
 
     Returns
     -------
@@ -319,7 +325,7 @@ def mean_roof(mesh: VolumeMesh, displacement: np.ndarray) -> np.ndarray:
 
 
 def _finer_change(case: ExtremeCase, state: State | None) -> float:
-    """Relative change of the roofs' mean displacement on the finer mesh; NaN if its load path fails."""
+    """Relative change of the roofs' mean displacement on the finer mesh; NaN if the load path on that mesh fails."""
     assert state is not None
     size = case.mesh_size / FINER
     try:
@@ -331,6 +337,6 @@ def _finer_change(case: ExtremeCase, state: State | None) -> float:
 
 
 def _listed(value: np.ndarray) -> str:
-    """A load or position as text: one number, or several in parentheses, with four digits."""
+    """A load or a position as text, with four digits: one number, or several numbers in parentheses."""
     numbers = ", ".join(f"{number:.4g}" for number in value + 0.0)
     return f"({numbers})" if len(value) > 1 else numbers

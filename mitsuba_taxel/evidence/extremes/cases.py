@@ -1,4 +1,4 @@
-"""Extreme cases of the mechanics, each with its pad, material and load."""
+"""List of the extreme cases of the mechanics, each with its pad, material and load."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ INDENTERS = ("sphere", "punch", "cylinder", "plane")
 
 
 def stability_cases() -> list[ExtremeCase]:
-    """The rows of the table, in its order."""
+    """All cases, in the order of the table."""
     materials = (_poisson_ratios, _stiffnesses, _laws)
     pads = (_walls, _sizes, _arrays)
     loads = (_loads, _indenters, _large_forces, _self_contacts, _one_step)
@@ -167,7 +167,7 @@ def _large_forces() -> Iterator[ExtremeCase]:
 
 
 def _self_contacts() -> Iterator[ExtremeCase]:
-    """Loads beyond the first self-contact; neither the end of a path nor its reason may depend on the mesh."""
+    """Loads beyond the first self-contact. Neither the end of the load path nor its reason may depend on the mesh."""
     spread, plate = SpreadForce(self_contact=True), PlateForce(self_contact=True)
     for words, value, load, shapes in (
         ("-200 N", (0.0, 0.0, -200.0), spread, CELL_SHAPES),
@@ -186,7 +186,8 @@ def _self_contacts() -> Iterator[ExtremeCase]:
 
 
 def _other_kinds() -> Iterator[ExtremeCase]:
-    """Registered cells, laws and indenters that no other case has: a new kind is tested without being named here."""
+    """Cases for all registered cells, laws and indenters that no other case contains, so that a new kind is tested
+    without being named here."""
     # Cells.
     for cell in other_cells():
         pad = pad_of(cell)

@@ -1,7 +1,7 @@
 """Extreme circuits: extreme load resistances and open emitters, no light and too much light, converters of 1 and of 24
 bits.
 
-Each voltage is compared with the root of Kirchhoff's current law at the emitter, found in decimal arithmetic.
+Each voltage is compared with the solution of Kirchhoff's current law at the emitter, computed in decimal arithmetic.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ LEAST = 1e-200
 
 @dataclass(frozen=True)
 class CircuitCase(TimedCase):
-    """One row of the table.
+    """An extreme case of a circuit.
 
     Attributes
     ----------
     power : float
         Optical power on the phototransistor, in W.
     settings : dict[str, Any]
-        Parameters of the circuit that differ from 3.3 V, 10 kOhm and 8 mA/W.
+        Parameters of the circuit that differ from a supply of 3.3 V, a load resistance of 10 kOhm and a transfer of 8
+        mA/W.
     """
 
     ROW = CircuitRow
@@ -64,12 +65,13 @@ class CircuitCase(TimedCase):
 
 
 def circuit_cases() -> list[CircuitCase]:
-    """The rows of the table, in its order."""
+    """All cases, in the order of the table."""
     return [case for kind in (_loads, _lights, _converters) for case in kind()]
 
 
 def emitter_voltage(circuit: Circuit, power: float) -> Decimal:
-    """Voltage at which the current of the phototransistor equals that of the load, by bisection in decimal arithmetic.
+    """Reference value of a voltage: the voltage at which the current of the phototransistor equals that of the load
+    resistance, by bisection in decimal arithmetic.
 
     Parameters
     ----------
@@ -111,7 +113,7 @@ def emitter_voltage(circuit: Circuit, power: float) -> Decimal:
 
 
 def _flaw(circuit: Circuit, voltage: float, reference: float, counts: int, noise: float) -> str:
-    """The failure of a response; empty if there is none."""
+    """Reason why the response of a circuit counts as a failure; empty if it does not."""
     allowed = MOST_DIFFERENCE * reference + LEAST
     if not abs(voltage - reference) <= allowed:
         return "another voltage"

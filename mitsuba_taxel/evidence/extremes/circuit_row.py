@@ -1,4 +1,4 @@
-"""One row of the table of extreme circuits."""
+"""Result class of the extreme circuits."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import ClassVar
 
 @dataclass(frozen=True)
 class CircuitRow:
-    """Result of a case; missing values are NaN.
+    """Result of one circuit case; missing values are NaN.
 
     Attributes
     ----------
     verdict : str
         ``right``, ``refused: ...`` with the message, or how the process ended.
     wrong : str
-        Failure, empty if there is none.
+        Description of a failure; empty if there is none.
     voltage, reference : float
-        Voltage at the converter and its expected value, in V.
+        Voltage at the converter, and its reference value, in V.
     counts : float
-        Output of the converter.
+        Output of the converter, in counts.
     noise : float
-        One standard deviation, in V.
+        Standard deviation of the voltage, in V.
     seconds : float
-        CPU time.
+        CPU time, in s.
     megabytes : float
-        Peak memory.
+        Peak memory, in MB.
     """
 
     COLUMNS: ClassVar = {

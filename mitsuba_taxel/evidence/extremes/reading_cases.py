@@ -1,6 +1,7 @@
-"""Extreme readings: narrow gaps and closing cells, little light, many samples, taxels and steps.
+"""Extreme cases of readings: narrow gaps and closing cells, little light, many samples, taxels and load steps.
 
-Each is compared with a run of `analog_tracer`, which counts rays, with a scaling law, or with a required refusal.
+A reading is compared with a run of `analog_tracer`, which counts rays, or with a scaling law; some cases must be
+refused.
 """
 
 from __future__ import annotations
@@ -56,16 +57,16 @@ read = partial(measure, mechanics_error=False)
 
 @dataclass(frozen=True)
 class ComparedReading:
-    """The reading of the worst taxel and its reference.
+    """The reading of the taxel that deviates most, and its reference value.
 
     Attributes
     ----------
     power, error : float
         Reading and its standard error, in W.
     reference, reference_error : float
-        Reference and its standard error, in W.
+        Reference value and its standard error, in W.
     by : str
-        Source of the reference.
+        Source of the reference value.
     remark : str
         Note for the reader.
     """
@@ -80,14 +81,14 @@ class ComparedReading:
 
 @dataclass(frozen=True)
 class ReadingCase(TimedCase):
-    """One row of the table.
+    """An extreme case of a reading.
 
     Attributes
     ----------
     look : Callable[[], ComparedReading]
-        Reads the scene and compares; raises the program's exceptions.
+        Computes the reading and its reference value; raises `InputError` or `ComputationError` if the scene is refused.
     refused : bool
-        Whether the scene must be refused.
+        Whether the program must refuse the scene.
     """
 
     ROW = ReadingRow
@@ -117,7 +118,7 @@ class ReadingCase(TimedCase):
 
 
 def reading_cases() -> list[ReadingCase]:
-    """The rows of the table, in its order."""
+    """All cases, in the order of the table."""
     return [case for kind in (_gaps, _windows, _walls, _little, _loads, _times, _sizes, _numbers) for case in kind()]
 
 
@@ -208,7 +209,7 @@ def _read(scene: Callable[[], Scene]) -> ComparedReading:
 
 
 def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> ComparedReading:
-    """Compare a reading with counted rays."""
+    """Compare a reading with one by `analog_tracer`, which counts rays."""
     import mitsuba as mi
 
     prepared = prepare(scene())
@@ -219,7 +220,8 @@ def _against_counted(scene: Callable[[], Scene], points: int = 1 << 15) -> Compa
 def _below_a_mirror(
     height: float, index: float = 1.5, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> ComparedReading:
-    """Compare a VCNT2020 below a mirror, with another resin or shifted dies, with a quadrature of refraction."""
+    """Compare the reading of a VCNT2020 below a mirror with a quadrature that includes refraction; the resin and the
+    position of the dies may be changed."""
     with TemporaryDirectory() as folder:
         file, scene = Path(folder) / "part.toml", Path(folder) / "scene.xml"
         text = VCNT2020.read_text(encoding="utf-8").replace("resin_index = 1.5", f"resin_index = {index}")
@@ -236,7 +238,8 @@ def _below_a_mirror(
 def _compared(
     readings: Readings, reference: Readings, by: str, remark: str = "", rounding: float = 0.0
 ) -> ComparedReading:
-    """Compare readings at the taxel that differs most in combined errors; ``rounding`` is relative to the reference."""
+    """Compare two readings at the taxel with the largest difference in units of the combined error. ``rounding`` is an
+    additional error, relative to the reference value."""
     spread = np.hypot(readings.standard_error, reference.standard_error) + rounding * reference.power
     change = np.abs(readings.power - reference.power)
     worst = int(np.argmax(np.divide(change, spread, out=np.zeros_like(change), where=spread > 0)))
@@ -258,7 +261,7 @@ def _all_but_closed() -> ComparedReading:
 
 
 def _closed() -> ComparedReading:
-    """A plate on the LED: no light may be found, and a note must say so."""
+    """Read a scene with a plate on the LED: no light may be found, and a note must say so."""
     readings = read(_plate(z=0, scattering="lambertian")(), points=1 << 12)
     noted = any("no light found" in note for note in readings.notes)
     return replace(
@@ -267,7 +270,7 @@ def _closed() -> ComparedReading:
 
 
 def _little_light(watts: float) -> ComparedReading:
-    """Compare readings of two LEDs: they are proportional to the power."""
+    """Compare the readings of LEDs of two powers, to which they are proportional."""
 
     def at(power: float) -> Readings:
         led = AnnularLed(power=power)
@@ -291,8 +294,8 @@ def _relaxed(
 ) -> ComparedReading:
     """Compare a relaxed viscoelastic pad with an elastic pad of the remaining stiffness.
 
-    The pad is incompressible, so that relaxation scales its stiffness. Its load rises for ``rise`` and is constant for
-    ``hold``, in s; ``remaining`` is the fraction of the stiffness after that.
+    The pad is incompressible, so that relaxation only scales its stiffness. The load rises for the time ``rise`` and is
+    constant for the time ``hold``, in s; ``remaining`` is the fraction of the stiffness that is left then.
     """
     law, load = NeoHookean(poisson_ratio=0.5), (0.0, 0.0, force)
     elastic = PadSensor(
@@ -352,9 +355,10 @@ def _many_taxels() -> ComparedReading:
 
 
 def _wider(probability: float) -> float:
-    """Factor of the allowed deviation for the worst of many taxels, at the same rate of false alarms.
+    """Factor by which the allowed deviation of the worst of many taxels is larger than that of one taxel, at the same
+    false-alarm rate.
 
-    ``probability`` is the false-alarm rate of one taxel relative to that of all.
+    ``probability`` is the false-alarm rate of each taxel relative to that of all taxels together.
     """
     from scipy.stats import norm
 
@@ -376,8 +380,8 @@ def _array(rows: int, columns: int) -> Scene:
 
 
 def _billion() -> ComparedReading:
-    """Compare a reading of 2^30 paths with a reading of fewer; the remark states the error of a naive sum in single
-    precision."""
+    """Compare a reading of 2^30 paths with a reading of fewer paths. The remark states the error that a running sum in
+    single precision would have."""
     long = read(_array(8, 4), points=POINTS_OF_A_BILLION, seed=1)
     short = read(_array(8, 4), points=1 << 16, seed=2)
     remark = f"a running single-precision sum of as many is off by {running_sum_error(1 << 30):.0%}"
@@ -385,7 +389,7 @@ def _billion() -> ComparedReading:
 
 
 def running_sum_error(count: int) -> float:
-    """Relative error of a running sum of ``count`` numbers of mean 1 in single precision."""
+    """Relative error of a running sum of ``count`` random numbers of mean 1 in single precision."""
     numbers = np.random.default_rng(0).exponential(size=1 << 22).astype(np.float32)
     total, blocks = np.float32(0), count // len(numbers)
     for _ in range(blocks):

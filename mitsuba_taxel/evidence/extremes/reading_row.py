@@ -1,4 +1,4 @@
-"""One row of the table of extreme readings."""
+"""Result class of the extreme readings."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ MOST_DEVIATIONS = 4.0
 
 @dataclass(frozen=True)
 class ReadingRow:
-    """Result of a case; missing values are NaN.
+    """Result of one reading case; missing values are NaN.
 
     Attributes
     ----------
     verdict : str
         ``right``, ``refused: ...`` with the message, or how the process ended; and a remark.
     wrong : str
-        Failure, empty if there is none.
+        Description of a failure; empty if there is none.
     power : float
-        Reading of the worst taxel, in W.
+        Reading of the taxel that deviates most, in W.
     error : float
-        Relative standard error of light and mechanics.
+        Relative standard error of the reading due to light and mechanics.
     reference : float
-        Expected reading, in W.
+        Reference value of the reading, in W.
     deviations : float
-        Deviation of the reading from it, in combined errors.
+        Deviation of the reading from its reference value, divided by the combined error.
     by : str
-        Source of the reference.
+        Source of the reference value.
     seconds : float
-        CPU time.
+        CPU time, in s.
     megabytes : float
-        Peak memory.
+        Peak memory, in MB.
     """
 
     COLUMNS: ClassVar = {

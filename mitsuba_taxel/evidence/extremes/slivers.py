@@ -1,4 +1,4 @@
-"""A pad whose mesh has slivers (very flat elements) on purpose."""
+"""A pad whose mesh contains slivers (very flat elements) on purpose."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ FLATNESS = 0.01
 
 @dataclass(frozen=True)
 class SliverPad(Pad):
-    """A pad whose mesh has slivers: many inner corners lie almost in the opposite face of one of their elements.
+    """A pad whose mesh contains slivers: many inner corners lie almost in the opposite face of one of their elements.
 
     The mesh has no symmetry, so that the whole pad is solved.
     """
 
     @property
     def identity(self) -> dict[str, object]:
-        """Identity of the pad, as JSON values."""
+        """Key of the pad for caches, as JSON values."""
         return super().identity | {"flatness": FLATNESS}
 
     def mesh(self, mesh_size: float, of_origin: Callable[[Pad, float], VolumeMesh] | None = None) -> VolumeMesh:
-        """The pad's volume mesh with its slivers."""
+        """The volume mesh of the pad, with slivers."""
         return with_slivers(super().mesh(mesh_size, of_origin))
 
 
 def with_slivers(mesh: VolumeMesh) -> VolumeMesh:
-    """Flatten elements of a mesh by moving inner corners; no two moved corners share an element.
+    """Flatten elements of a mesh by moving some of its inner corners, no two of the same element.
 
-    The edges at a moved corner become straight. A corner does not move if an element would be inverted.
+    The edges at a moved corner become straight. A corner is not moved if an element would be inverted.
     """
     # Elements by corner: those of corner i are order[begin[i] : begin[i + 1]] // 4.
     points, tets = mesh.points.copy(), mesh.tets
@@ -53,7 +53,7 @@ def with_slivers(mesh: VolumeMesh) -> VolumeMesh:
 def _flatten(points: np.ndarray, corner: int, tets: np.ndarray) -> bool:
     """Move a corner almost into the opposite face of one of the elements ``tets`` (K, 10) that share it.
 
-    Returns whether all of them stay valid; otherwise the points are unchanged.
+    Returns whether all of these elements stay valid; if not, the points are unchanged.
     """
     before = points[tets]
     for tet in tets[:, :4]:

@@ -1,4 +1,4 @@
-"""Extreme cases of bodies from STL files, which the measuring process writes itself."""
+"""Extreme cases of indenters from STL files. The measuring process writes these files itself."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ DEPTH = 0.3
 
 @dataclass(frozen=True)
 class SolidCase(TableCase):
-    """One row of the table, for a cell that is pressed by a body from an STL file.
+    """An extreme case: a cell that is pressed by a body from an STL file.
 
     Attributes
     ----------
     solid : Callable[[], Trimesh]
         The body, in mm.
     tilt : float
-        Angle of its axis to the normal, in degrees.
+        Angle between the axis of the body and the normal of the pad, in degrees.
     refused : bool
-        Whether it must be refused.
+        Whether the program must refuse the body.
     """
 
     ROW = MechanicsRow
@@ -48,7 +48,7 @@ class SolidCase(TableCase):
     refused: bool = False
 
     def measured(self) -> MechanicsRow:
-        """The row, measured in this process."""
+        """Solve and check the case in this process."""
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "body.stl")
             self.solid().export(file)
@@ -61,7 +61,7 @@ class SolidCase(TableCase):
 
 
 def solid_cases() -> list[SolidCase]:
-    """Sharp edges and corners, and a surface that is open."""
+    """All cases: bodies with sharp edges and corners, and an open surface."""
     return [
         SolidCase("pressed by a box from a file, with its edge", _box, tilt=45.0),
         SolidCase("pressed by a pyramid from a file, with its tip", _pyramid),

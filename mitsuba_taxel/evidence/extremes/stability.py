@@ -1,4 +1,4 @@
-"""The tables of extreme cases of mechanics, readings and circuits."""
+"""The tables of `taxel bench stability`: extreme cases of mechanics, readings and circuits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ def stability(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[AnyRow]:
-    """Yield rows of the tables as they are measured, each in a separate process; files are rewritten after each.
+    """Measure each case of the three tables in a separate process, and yield its row. The output files are rewritten
+    after each row.
 
     Parameters
     ----------
@@ -31,7 +32,7 @@ def stability(
     csv, markdown : Path, optional
         Output files.
     starting : Callable[[int, int, str], None], optional
-        Called with (number of a case, total number, its name).
+        Called before each case with its number, the number of all cases, and its name.
 
     Raises
     ------
@@ -56,7 +57,7 @@ def stability(
 
 
 def check(rows: Sequence[AnyRow]) -> None:
-    """Raise `ComputationError` if a row is wrong or missing."""
+    """Raise `ComputationError` if a row counts as a failure; the message names its case."""
     wrong = [row.case for row in rows if row.wrong]
     if wrong:
         raise ComputationError(f"{len(wrong)} of {len(rows)} rows are wrong: {'; '.join(wrong)}.")

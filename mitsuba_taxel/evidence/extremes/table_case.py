@@ -1,4 +1,4 @@
-"""Base classes of the cases in the tables of extreme cases."""
+"""Base classes of extreme cases."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from mitsuba_taxel.base.processes.system import peak_memory
 
 
 class TableCase:
-    """One row of a table, an instance of ``ROW``, which is measured in a separate process."""
+    """An extreme case, measured in a separate process; its result is an instance of ``ROW``."""
 
     ROW: ClassVar[type]
     name: str
 
     def failed(self, end: str) -> Any:
-        """The row for a process that returned no row."""
+        """The result of a case whose process ended without a result, for the reason ``end``."""
         return self.ROW(self.name, end, wrong="no answer")
 
 
@@ -25,11 +25,11 @@ class TimedCase(TableCase):
     """A case whose whole measurement is timed."""
 
     def measured(self) -> Any:
-        """The row, measured in this process."""
+        """Measure the case in this process."""
         start = time.process_time()
         row = self._row()
         return replace(row, seconds=time.process_time() - start, megabytes=peak_memory())
 
     @abstractmethod
     def _row(self) -> Any:
-        """The row of the table, without its CPU time and memory use."""
+        """The result of the case, without CPU time and memory."""

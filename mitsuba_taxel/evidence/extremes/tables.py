@@ -1,4 +1,4 @@
-"""Rows as files: CSV in full precision, and a page of Markdown."""
+"""Rows of extreme cases as a CSV file and as a page of Markdown."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ current law at the emitter, in 60 decimal digits.
 
 
 def write_csv(rows: Sequence[AnyRow], file: Path) -> None:
-    """Write rows as CSV with a heading and numbers in full precision.
+    """Write rows to a CSV file, with a line of headings and numbers in full precision.
 
     Parameters
     ----------
@@ -116,9 +116,9 @@ def write_markdown(rows: Sequence[AnyRow], file: Path, command: str, missing: st
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     missing : str
-        Last paragraph: which cases are not measured.
+        Last paragraph of the page, which lists the cases that are not measured.
     """
     mechanics = [row for row in rows if isinstance(row, MechanicsRow)]
     readings = [row for row in rows if isinstance(row, ReadingRow)]

@@ -1,5 +1,6 @@
-"""Coverage of intervals and probabilities on synthetic data with known truth, without a pad.
+"""Coverage of stated errors, intervals and probabilities on synthetic data, whose true values are known; no pad is
+solved.
 
-Input: synthetic records, fits, tolerances and comparisons. Output: the fractions of intervals and probabilities that
-hold.
+Input: synthetic recordings, fits, tolerance studies and comparisons. Output: the fraction of true values within the
+stated intervals, and observed frequencies of events with stated probabilities.
 """

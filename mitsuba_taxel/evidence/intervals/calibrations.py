@@ -1,4 +1,4 @@
-"""Synthetic benches: fraction of the forces on new paths that lie in the intervals of a calibration."""
+"""Coverage of prediction intervals: forces that a calibration computes from synthetic readings on new load paths."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ STIFFNESS, ROW_NOISE = 0.03, 0.003
 
 
 def calibration_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
-    """Cases by name. A case returns, for a seed, errors of forces on new paths over half of the stated half width."""
+    """All cases by name. A case is a function of a seed that returns the errors of predicted forces, divided by half of
+    the stated half width."""
     return {
         f"calibrate: {paths} paths, errors {noise}": partial(_deviations, paths, noise)
         for paths in PATHS
@@ -30,9 +31,10 @@ def calibration_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
 
 
 def _deviations(paths: int, noise: str, seed: int) -> dict[str, np.ndarray]:
-    """Errors of forces in standard deviations, with half widths for 95.45 % as two standard deviations.
+    """Errors of predicted forces, divided by half of the stated half width. The interval has a coverage of 95.45 %, so
+    that its half width is two standard deviations.
 
-    New paths have the same distribution as those of the study.
+    The new load paths have the same distribution as those of the calibration study.
     """
     random = np.random.default_rng(seed)
     force = np.linspace(0, -LARGEST, ROWS)
@@ -47,7 +49,8 @@ def _deviations(paths: int, noise: str, seed: int) -> dict[str, np.ndarray]:
 
 
 def _readings(force: np.ndarray, noise: str, random: np.random.Generator) -> np.ndarray:
-    """(paths, rows, taxels) W, of two taxels on bent curves."""
+    """Synthetic readings in W of two taxels with curved characteristics, at ``force`` (paths, rows); the result has the
+    shape (paths, rows, taxels)."""
     stiffness = 1 + STIFFNESS * (noise != "of single rows") * random.normal(size=(len(force), 1))
     loading = force / LARGEST / stiffness
     power = 1e-3 * np.stack([1 - 0.4 * loading * (1 + 0.2 * loading), 1 + 0.2 * loading], axis=-1)

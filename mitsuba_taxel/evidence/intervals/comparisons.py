@@ -1,4 +1,5 @@
-"""Synthetic variants of a sensor with known ranks: probabilities and differences of `compare`."""
+"""Coverage of `compare`: probabilities and differences for synthetic variants of a sensor with known figures of
+merit."""
 
 from __future__ import annotations
 
@@ -31,14 +32,16 @@ Truth = tuple[np.ndarray, np.ndarray]
 
 
 def comparison_cases() -> dict[str, Callable[[int], dict[str, float]]]:
-    """Cases by name. A case returns, for a seed, the error of a difference between variants over the stated error."""
+    """All cases of differences, by name. A case is a function of a seed that returns the error of the difference
+    between two variants, divided by its stated error."""
     return {name: partial(_behind, by, errors) for name, by, errors in _kinds()}
 
 
 def probability_cases() -> dict[str, Callable[[int], dict[str, Truth]]]:
-    """Cases by name. A case returns, for a seed, stated probabilities (variants,) and whether each event occurred.
+    """All cases of probabilities, by name. A case is a function of a seed that returns, by event, the stated
+    probability of each variant and whether the event occurred for it.
 
-    The events are that a variant is the first, and that it is within a limit.
+    The events are that a variant is the best, and that it meets a limit.
     """
     return {name: partial(_probabilities, by, errors) for name, by, errors in _kinds()}
 
@@ -48,16 +51,16 @@ def _kinds() -> list[tuple[str, str, str]]:
 
 
 def _sizes(errors: str) -> dict[str, float]:
-    """Approximate errors of the figures, in %/N and %; an error of elements changes a nonlinearity by its change along
-    the path."""
+    """Approximate errors of the figures of merit: of the relative slope in %/N, and of the nonlinearity in %. Errors of
+    finite elements affect the nonlinearity only as far as they change along the load path."""
     course = 1.0 if "light" in errors else COURSE
     return {"relative_slope": 100 * CHANGE * ERROR / 2, "nonlinearity": 13 * ERROR * course}
 
 
 def _behind(by: str, errors: str, seed: int) -> dict[str, float]:
-    """Error of the difference of two variants, over the stated error.
+    """Error of the difference of two variants, divided by its stated error.
 
-    There are only two variants: among more, ranking would favour variants whose errors happen to be large."""
+    Only two variants are compared: with more, ranking would favour variants whose errors happen to be large."""
     study, true_study = (study.isel(case=[0, 1]) for study in _made_up(errors, seed))
     table = compare({"made up": study}, by).table.sort_values("case")
     residual = np.diff(table[by].to_numpy()) - np.diff(_figures(true_study)[by])
@@ -65,7 +68,8 @@ def _behind(by: str, errors: str, seed: int) -> dict[str, float]:
 
 
 def _probabilities(by: str, errors: str, seed: int) -> dict[str, Truth]:
-    """Probabilities and outcomes, with a limit of the other figure near the value of a random variant."""
+    """Stated probabilities and outcomes of both events. The limit is on the other figure of merit, near the value of a
+    random variant."""
     study, true_study = _made_up(errors, seed)
     random = np.random.default_rng([seed, 1])
     (limited_figure,) = {*FIGURES} - {by}
@@ -80,11 +84,12 @@ def _probabilities(by: str, errors: str, seed: int) -> dict[str, Truth]:
 
 
 def _made_up(errors: str, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
-    """Studies of variants: readings with errors and stated errors, and true readings.
+    """Make two synthetic studies of the same variants: one of readings with errors and stated errors, one of true
+    readings.
 
-    The error of the elements is the stated error times the sum of a normal random number, which is common to the path,
-    and a random course of a tenth of its size; an eighth of the variance differs between variants. The noise of each
-    replicate is a smooth random course.
+    The error due to finite elements is the stated error times the sum of a normal random number, which is common to the
+    whole load path, and a smooth random function of the load of a tenth of the size. An eighth of the variance differs
+    between variants. The noise of each replicate is a smooth random function of the load.
     """
     random, x = np.random.default_rng(seed), LOADS / LOADS[-1]
     case = (VARIANT_COUNT, 1)
@@ -106,14 +111,16 @@ def _made_up(errors: str, seed: int) -> tuple[xr.Dataset, xr.Dataset]:
 
 
 def _courses(random: np.random.Generator, shared: float, count: int) -> np.ndarray:
-    """Smooth courses (count, loads) of unit variance, of which the fraction ``shared`` is common to all."""
+    """Smooth random functions of the load with unit variance, (count, loads). The fraction ``shared`` of the variance
+    is common to all."""
     kernel = np.exp(-((LOADS[:, None] - LOADS) ** 2) / (2 * LOADS[-1] ** 2))
     common, individual = (random.multivariate_normal(0 * LOADS, kernel, n, method="eigh") for n in (1, count))
     return np.sqrt(shared) * common + np.sqrt(1 - shared) * individual
 
 
 def _study(power: np.ndarray, deviation: np.ndarray) -> xr.Dataset:
-    """A study of readings (variants, loads, replicates) in W, with the deviation (variants, loads) of the elements."""
+    """Make a study of readings (variants, loads, replicates) in W, with the deviation (variants, loads) on coarser
+    finite elements."""
     dims = ["case", "fz", "replicate", "taxel"]
     variables = {
         "replicate_power": (dims, power[..., None]),
@@ -124,6 +131,6 @@ def _study(power: np.ndarray, deviation: np.ndarray) -> xr.Dataset:
 
 
 def _figures(study: xr.Dataset) -> dict[str, np.ndarray]:
-    """Figures (variants,) of readings without errors, by name."""
+    """Figures of merit (variants,) of readings without errors, by name."""
     table = characteristics(experiments(study)).sort_values("case")
     return {name: table[table.figure == name].value.to_numpy() for name in FIGURES}

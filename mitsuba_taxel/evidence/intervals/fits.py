@@ -1,4 +1,4 @@
-"""Synthetic measurements with known truth: intervals of fits with noisy data and errors of the model."""
+"""Coverage of the intervals of fitted unknowns, on synthetic measurements with noise and with errors of the model."""
 
 from __future__ import annotations
 
@@ -26,15 +26,16 @@ class _FitSetting(NamedTuple):
     Attributes
     ----------
     offset : bool
-        Whether an offset is the third unknown.
+        Whether an offset of the readings is fitted as a third unknown.
     known_errors : bool
         Whether the fit is given the standard errors of the data.
     bound : bool
-        Whether a bound of the first unknown is close to the truth.
+        Whether a bound of the first unknown is close to its true value.
     elements, light : float
         Largest relative error of the model due to finite elements, and due to the light of one randomisation.
     along : str
-        Course of the elements' error along the path: ``displacement``, proportional to it, or ``walk``, a random walk.
+        Change of the finite-element error along the load path: ``displacement`` (proportional to the displacement) or
+        ``walk`` (a random walk).
     """
 
     offset: bool = False
@@ -58,12 +59,14 @@ KINDS = {
 
 
 def fit_cases() -> dict[str, Callable[[int], dict[str, float]]]:
-    """Cases by name. A case returns, for a seed, the error of each unknown in standard deviations of its interval."""
+    """All cases by name. A case is a function of a seed that returns, for each unknown, the error divided by the
+    standard deviation that its stated interval implies."""
     return {f"fit: {name}": partial(_deviations, kind) for name, kind in KINDS.items()}
 
 
 def _deviations(kind: _FitSetting, seed: int) -> dict[str, float]:
-    """Error of each unknown in standard deviations of its interval."""
+    """Make noisy data, fit the unknowns, and return the error of each, divided by the standard deviation that its
+    stated interval implies."""
     # Noisy data, and errors of the model.
     random = np.random.default_rng(seed)
     truth = np.array([SOFTNESS, GAIN, OFFSET][: 3 if kind.offset else 2])
@@ -98,7 +101,8 @@ def _deviations(kind: _FitSetting, seed: int) -> dict[str, float]:
 
 
 def _exact_readings(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Exact readings (rows,) and their derivatives (rows, unknowns): a curve of softness times force, gain, offset."""
+    """Exact readings (rows,), a function of softness times force, scaled by a gain and shifted by an offset; and their
+    derivatives (rows, unknowns)."""
     softness, gain = unknowns[:2]
     displacement = softness * FORCE
     shape, slope = 1 + 0.4 * displacement + 0.15 * displacement**2, 0.4 + 0.3 * displacement
@@ -107,7 +111,8 @@ def _exact_readings(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _element_errors(kind: _FitSetting, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Relative error of each reading due to the finite elements, and its standard deviation as a study states it."""
+    """Relative error of each reading due to the finite elements, and the standard deviation that a study states for
+    it."""
     deviation = kind.elements * FORCE
     if kind.along == "displacement":
         return deviation * random.normal(), deviation

@@ -1,4 +1,5 @@
-"""Table of the coverage of stated errors on synthetic data: recordings, tolerances, fits, models, comparisons."""
+"""Table of the coverage of stated errors on synthetic data: recordings, tolerance studies, fits, exported models,
+comparisons."""
 
 from __future__ import annotations
 
@@ -37,24 +38,24 @@ FAMILIES: tuple[tuple[Callable[[], Mapping[str, Callable[[int], Any]]], int], ..
 
 @dataclass(frozen=True)
 class IntervalRow:
-    """Coverage of the stated error of one figure.
+    """Coverage of the stated error of one quantity ("figure").
 
     Attributes
     ----------
     case : str
         Name of the synthetic data.
     figure : str
-        Name of the figure.
+        Name of the quantity.
     made : float
         Number of values with a stated error.
     unstated : float
         Number of values without a stated error.
     within : float
-        Fraction of errors within twice the stated error.
+        Fraction of the true errors within twice the stated error.
     ratio : float
-        Root mean square of errors over stated errors.
+        Root mean square of the ratio of true to stated error.
     seconds : float
-        CPU time of all figures of the case.
+        CPU time of all quantities of the case, in s.
     """
 
     COLUMNS: ClassVar = {
@@ -77,14 +78,15 @@ class IntervalRow:
 
 @dataclass(frozen=True)
 class IntervalCase:
-    """One kind of synthetic data.
+    """One kind of synthetic data, drawn for many seeds.
 
     Attributes
     ----------
     name : str
         Name in the table.
     deviations : Callable[[int], dict[str, float or ndarray]]
-        Returns for a seed, by figure, one or several errors over stated errors; NaN if no error is stated.
+        Returns, for a seed and by name of the quantity, one or several ratios of true to stated error; NaN if no error
+        is stated.
     count : int
         Number of seeds.
     """
@@ -94,7 +96,7 @@ class IntervalCase:
     count: int = 200
 
     def measured(self) -> list[IntervalRow]:
-        """One row per figure."""
+        """Measure the case, and return a row for each quantity."""
         start = time.process_time()
         deviations: dict[str, list[float]] = {}
         for seed in range(FIRST_SEED, FIRST_SEED + self.count):
@@ -110,15 +112,17 @@ class IntervalCase:
 
 
 def interval_cases(only: str | None = None) -> list[IntervalCase]:
-    """The cases whose name contains a pattern with the wildcards * and ?, in the order of the table."""
+    """Select the cases whose names contain a pattern with the wildcards * and ?, in the order of the table."""
     cases = [IntervalCase(*case, count) for family, count in FAMILIES for case in family().items()]
     return matching(cases, only)
 
 
 def named_below(rows: Sequence[IntervalRow]) -> str:
-    """A sentence that names the figures with less than the allowed coverage, and how many would be so by chance.
+    """A sentence that names the quantities with less than the allowed coverage, and states how many are expected by
+    chance.
 
-    The latter is the sum over all rows of the binomial probability of such a count, if exactly 95.4 % were within.
+    The expected number is the sum, over all rows, of the binomial probability of such a count if the true coverage were
+    95.4 %.
     """
     from scipy.stats import binom
 
@@ -130,7 +134,7 @@ def named_below(rows: Sequence[IntervalRow]) -> str:
 
 
 def summary(rows: Sequence[IntervalRow]) -> str:
-    """A sentence with the number of figures whose stated errors are large enough."""
+    """Summarise rows: the number of quantities whose stated errors are large enough."""
     good = sum(row.within >= TWICE - ALLOWED for row in rows)
     within = np.average([row.within for row in rows], weights=[row.made for row in rows]) if rows else math.nan
     return (

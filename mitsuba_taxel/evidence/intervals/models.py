@@ -1,4 +1,5 @@
-"""Synthetic studies with known readings: stated errors of exported models, and noise-equivalent forces of circuits."""
+"""Coverage of the stated errors of exported models, and of the noise-equivalent forces of circuits, on synthetic
+studies."""
 
 from __future__ import annotations
 
@@ -21,9 +22,9 @@ NEW_INPUTS, SAMPLES = 5, 20
 
 
 def model_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
-    """Cases by name: functions of a seed that return true errors, divided by the stated error.
+    """All cases by name. A case is a function of a seed that returns true errors divided by the stated error.
 
-    The errors are those of readings of an exported model, or of forces from counts.
+    The errors are those of an exported model's readings, or of forces computed from counts of the converter.
     """
     export = {f"export: errors {kind}": partial(_exported, kind) for kind in ("of single readings", "common to all")}
     noise = {
@@ -33,7 +34,7 @@ def model_cases() -> dict[str, Callable[[int], dict[str, np.ndarray]]]:
 
 
 def _exported(kind: str, seed: int) -> dict[str, np.ndarray]:
-    """Errors of a model's readings at random forces within the study, over its total error."""
+    """Errors of an exported model's readings at random forces within the study, divided by the stated total error."""
     random = np.random.default_rng(seed)
     fx, fz = np.linspace(-2, 2, 5), np.linspace(0, -10, 11)
     true_power = _readings(fx[:, None], fz)
@@ -55,15 +56,15 @@ def _exported(kind: str, seed: int) -> dict[str, np.ndarray]:
 
 
 def _readings(fx: np.ndarray, fz: np.ndarray) -> np.ndarray:
-    """Readings (..., taxels) in W of two taxels; a tangential force changes them in opposite directions."""
+    """Synthetic readings (..., taxels) in W of two taxels. A tangential force changes them in opposite directions."""
     loading = 0.05 * fz * (1 - 0.02 * fz)
     return POWER * np.stack([np.exp(-loading * (1 + side * 0.1 * fx)) for side in (-1, 1)], axis=-1)
 
 
 def _forces(kind: str, seed: int) -> dict[str, np.ndarray]:
-    """Errors of forces over the stated noise-equivalent force.
+    """Errors of forces divided by the stated noise-equivalent force.
 
-    Forces follow from counts of noisy samples by the chord of the first load step.
+    The forces are computed from counts of noisy samples, by linear interpolation over the first load step.
     """
     # A circuit whose noise is analogue, or due to the steps of its converter.
     random = np.random.default_rng(seed)

@@ -30,11 +30,11 @@ class ProbabilityRow:
     Attributes
     ----------
     stated : str
-        Range of the probabilities.
+        Range of the stated probabilities.
     made : float
         Number of stated probabilities in the range.
     mean, true : float
-        Mean of the stated probabilities, and observed frequency.
+        Mean of the stated probabilities, and observed frequency of the events.
     noise : float
         Standard error of the observed frequency, if the stated probabilities are right.
     """
@@ -60,7 +60,8 @@ class ProbabilityRow:
 
     @property
     def holds(self) -> bool:
-        """Whether the frequency agrees with the mean probability, within noise and the allowed deviation."""
+        """Whether the observed frequency agrees with the mean probability, within its noise and an allowed
+        deviation."""
         return abs(self.true - self.mean) <= SIGMAS * self.noise + SLACK
 
 
@@ -73,7 +74,7 @@ class ProbabilityCase:
     name : str
         Name in the table.
     outcomes : Callable[[int], dict[str, (ndarray, ndarray)]]
-        Returns, for a seed, stated probabilities and outcomes by event.
+        Returns, for a seed and by name of the event, stated probabilities and whether each event occurred.
     count : int
         Number of seeds.
     """
@@ -83,7 +84,7 @@ class ProbabilityCase:
     count: int = SEEDS
 
     def measured(self) -> list[ProbabilityRow]:
-        """One row for each event and each range that contains a probability."""
+        """Measure the case, and return a row for each event and each range that contains a probability."""
         # Probabilities and outcomes of all seeds, by event.
         start = time.process_time()
         collected: dict[str, list[Truth]] = {}
@@ -107,20 +108,21 @@ class ProbabilityCase:
 
 
 def chosen_cases(only: str | None = None) -> list[ProbabilityCase]:
-    """The cases whose name contains a pattern with the wildcards * and ?, in the order of the table."""
+    """Select the cases whose names contain a pattern with the wildcards * and ?, in the order of the table."""
     return matching([ProbabilityCase(name, outcomes) for name, outcomes in probability_cases().items()], only)
 
 
 def with_all_kinds(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
-    """The rows, and after those of several cases the rows of all of them together."""
+    """Append to the rows of several cases the rows of all cases together; the rows of a single case are returned
+    unchanged."""
     return [*rows, *(pooled(rows) if len({row.case for row in rows}) > 1 else [])]
 
 
 def pooled(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
-    """Rows of all cases together, by figure and range.
+    """Combine the rows of all cases: one row for each event and range.
 
-    One case has some 15 probabilities in a range, so that the observed frequency has a standard error of 12 percentage
-    points.
+    A single case has about 15 probabilities in a range, so that the standard error of its observed frequency is 12
+    percentage points.
     """
     groups: dict[tuple[str, str], list[ProbabilityRow]] = {}
     for row in rows:
@@ -136,7 +138,7 @@ def pooled(rows: Sequence[ProbabilityRow]) -> list[ProbabilityRow]:
 
 
 def summary(rows: Sequence[ProbabilityRow]) -> str:
-    """A sentence with the number of ranges whose probabilities hold."""
+    """Summarise rows: the number of ranges in which the observed frequency agrees with the stated probability."""
     good = sum(row.holds for row in rows)
     return (
         f"In {good} of {len(rows)} ranges of probabilities, the observed frequency agrees with the stated probability "

@@ -1,4 +1,5 @@
-"""Synthetic bench recordings with known figures of merit, for several courses of the force and kinds of noise."""
+"""Coverage of the stated errors of figures of merit, on synthetic bench recordings with several force histories and
+kinds of noise."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ MOST_ROWS = 20_000
 
 
 def record_cases() -> dict[str, Callable[[int], dict[str, float]]]:
-    """Cases by name. A case returns, for a seed, the error of each figure of a recording over the stated error."""
+    """All cases by name. A case is a function of a seed that returns the error of each figure of merit of a recording,
+    divided by its stated error."""
     kinds = [(move, noise, 2) for move in MOVES for noise in NOISES] + [("ramp", "white", cycles) for cycles in (3, 10)]
     return {
         f"record: {move}, noise {noise}, {cycles} cycles": partial(_deviations, move, noise, cycles)
@@ -31,7 +33,8 @@ def record_cases() -> dict[str, Callable[[int], dict[str, float]]]:
 
 
 def _deviations(move: str, noise: str, cycles: int, seed: int) -> dict[str, float]:
-    """Error over stated error of the first value of each figure, which belongs to the first loading."""
+    """True error divided by stated error, for the first value of each figure of merit, which belongs to the first
+    loading."""
     experiment = recorded_experiment(made_up_record(move, noise, cycles, seed))
     table, exact = (
         characteristics([record]).groupby("figure").first() for record in (experiment, _without_noise(experiment))
@@ -41,18 +44,19 @@ def _deviations(move: str, noise: str, cycles: int, seed: int) -> dict[str, floa
 
 
 def made_up_record(move: str, noise: str, cycles: int, seed: int) -> Measurement:
-    """A synthetic recording: 0.3 V at 10 N, with curvature and a hysteresis of 5 %, and noise of voltage and force.
+    """Make a synthetic recording with noise of voltage and force. The voltage changes by 0.3 V at 10 N, with curvature
+    and a hysteresis of 5 %.
 
     Parameters
     ----------
     move : str
-        Course of the force, one of :data:`MOVES`.
+        Force history, one of :data:`MOVES`.
     noise : str
         Kind of the noise, one of :data:`NOISES`.
     cycles : int
         Number of load cycles.
     seed : int
-        Seed of the noise and of random parameters of the course.
+        Seed of the noise and of random parameters of the force history.
     """
     # Voltage with its noise, rounded to steps of the converter if these matter.
     random = np.random.default_rng(seed)
@@ -75,13 +79,13 @@ def made_up_record(move: str, noise: str, cycles: int, seed: int) -> Measurement
 
 
 def _true_voltage(fraction: np.ndarray, falls: np.ndarray | float) -> np.ndarray:
-    """Exact voltage in V at a fraction of the largest force; ``falls`` is 1 for unloading, else 0."""
+    """Exact voltage in V at a fraction of the largest force; ``falls`` is 1 during unloading, else 0."""
     bend = fraction * (1 - fraction)
     return 1.2 + 0.3 * (fraction - 0.3 * bend + 0.2 * bend * falls)
 
 
 def _without_noise(experiment: Experiment) -> Experiment:
-    """The experiment with exact voltages at the forces of its points."""
+    """Copy an experiment with exact voltages at the forces of its points."""
     runs = []
     for run in experiment.runs:
         falls = float(abs(run.force[-1]) < abs(run.force[0]))
@@ -91,7 +95,8 @@ def _without_noise(experiment: Experiment) -> Experiment:
 
 
 def _correlated(correlation: float, count: int, random: np.random.Generator) -> np.ndarray:
-    """Noise (count,) of unit variance, with a correlation of neighbours: a first-order autoregressive process."""
+    """Noise (count,) of unit variance, with a given correlation of neighbouring values: a first-order autoregressive
+    process."""
     from scipy.signal import lfilter
 
     drawn = random.normal(size=count + 300)
@@ -99,9 +104,10 @@ def _correlated(correlation: float, count: int, random: np.random.Generator) -> 
 
 
 def _force_course(move: str, cycles: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Fraction of the largest force (rows,), and 1 where the force falls, else 0 (rows,).
+    """Force history of a recording: the force in each row as a fraction of the largest force, (rows,), and an array
+    (rows,) that is 1 where the force falls, else 0.
 
-    Numbers of levels and rows are random.
+    The numbers of force levels and rows are random.
     """
     # Stairs: levels held for several rows.
     if move == "stairs":

@@ -1,4 +1,4 @@
-"""Synthetic tolerance studies with known spreads, quantiles and Sobol' indices."""
+"""Coverage of the stated errors of spreads, quantiles and Sobol' indices, on synthetic tolerance studies."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ QUANTILE = 1.6448536269514722
 
 
 def tolerance_cases() -> dict[str, Callable[[int], dict[str, float]]]:
-    """Cases by name. A case returns, for a seed, the error of each figure of a study over the stated error."""
+    """All cases by name. A case is a function of a seed that returns the error of each statistic of a tolerance study,
+    divided by its stated error."""
     return {f"tolerance: {name}, {SAMPLES} samples": partial(_deviations, name) for name in ("sum", "sum and product")}
 
 
 def _deviations(kind: str, seed: int) -> dict[str, float]:
-    """Error of each figure over its stated error, for a function of three normal parameters.
+    """Error of each statistic divided by its stated error, for a function of three normally distributed parameters.
 
-    The function is 2 a + b + 0.5 c, and 0.5 a b in addition for ``sum and product``. Noise of about a tenth of its
-    spread is added, which no parameter explains.
+    The function is 2 a + b + 0.5 c, plus 0.5 a b for ``sum and product``. Noise of about a tenth of the function's
+    spread is added; no parameter explains it.
     """
     # Samples, and the exact variance of the function.
     random = np.random.default_rng(seed)

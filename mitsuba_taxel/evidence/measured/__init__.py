@@ -1,3 +1,4 @@
-"""Measured sensors compared with simulated ones: a pad of 5 x 5 cells on the bench, and the paper's loading cycles.
-Input: public records and studies. Output: comparisons, fits of Prony series and the figures of the page.
+"""Comparison of measured sensors with simulations: a measured pad of 5 x 5 cells, and the loading cycles of the paper.
+Input: public measurements, and studies of scenes. Output: comparisons, fitted Prony series, and the page
+`validation.md` with its figures.
 """

@@ -1,8 +1,8 @@
-"""The measured pad of 5 x 5 cells as a scene, and its paths under the end of a rod.
+"""The measured pad of 5 x 5 cells as a scene, and its load paths under the end of a rod.
 
 The silicone is glued to a rigid grid. Collars of the grid reach into the cells, flush with the cell walls, and hold the
-lowest part of these walls. So the model of the pad begins at the top of the collars. The grid's plate lies on the
-board, and the packages stand in its windows, level with the plate. All of the grid is opaque.
+lowest part of these walls; the model of the pad therefore begins at the top of the collars. The plate of the grid lies
+on the board, and the packages stand in windows of the plate, level with it. The whole grid is opaque.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ _WALLS = """
 
 
 class PadAssumptions(NamedTuple):
-    """Parameters of the pad that are not published.
+    """Assumed values of parameters of the measured pad that are not published.
 
     Attributes
     ----------
     name : str
-        Part of the names of studies; empty for the assumptions of the fit.
+        Part of the names of studies with these assumptions; empty for the assumptions of the fit.
     poisson_ratio : float
         Poisson ratio of the silicone.
     collar : float
@@ -60,7 +60,7 @@ class PadAssumptions(NamedTuple):
     walls : float
         Reflectance of these walls.
     friction : float
-        Coefficient of the indenter.
+        Friction coefficient of the indenter.
     """
 
     name: str = ""
@@ -74,18 +74,19 @@ AS_FITTED = PadAssumptions()
 
 
 class IndenterPress(NamedTuple):
-    """A rod with a round end (``sphere``) or a flat end (``punch``), pressed into a pad; all lengths in mm.
+    """An indenter, a rod with a round or a flat end, and the height of the pad into which it is pressed; all lengths in
+    mm.
 
     Attributes
     ----------
     height : float
         Height of the silicone above the plane of the dies.
     indenter : str
-        ``sphere`` or ``punch``.
+        Shape of the end of the rod: ``sphere`` (round) or ``punch`` (flat).
     radius : float
-        Radius of the end.
+        Radius of the end of the rod.
     x, y : float
-        Position of its tip, relative to the middle of the pad.
+        Position of the tip, relative to the middle of the pad.
     """
 
     height: float
@@ -105,9 +106,10 @@ class IndenterPress(NamedTuple):
 
 
 class PressReading(NamedTuple):
-    """Force in N for a long-term modulus of 1 MPa, and changes of the taxels relative to rest, each with its error.
+    """Force on the indenter in N, for a long-term modulus of 1 MPa, and changes of the taxels' readings relative to
+    rest, each with its error.
 
-    ``step_error`` is the error of the stress by time steps, relative to the largest stress so far."""
+    ``step_error`` is the error of the stress due to the time steps, relative to the largest stress so far."""
 
     force: float
     force_error: float
@@ -124,17 +126,17 @@ def path(
     mesh_size: float | None = None,
     assumed: PadAssumptions = AS_FITTED,
 ) -> xr.Dataset:
-    """Force and readings along the travel of an indenter, as far as the pad bears the load, by ``travel`` and
-    ``taxel``.
+    """Compute force and readings while an indenter is pressed into the pad, as a dataset over ``travel`` and ``taxel``.
+    It ends where the pad has no equilibrium.
 
-    ``force`` is in N for a modulus of 1 MPa, to which forces are proportional; ``change`` is the change of the power
-    relative to rest. Errors, if requested, are total errors. The attribute ``end`` states why a path ends early; it is
-    empty otherwise.
+    ``force`` is in N for a modulus of 1 MPa; forces are proportional to the modulus. ``change`` is the change of the
+    power relative to rest. Errors, if requested, are total errors. The attribute ``end`` gives the reason if the load
+    path ends early; else it is empty.
 
     Raises
     ------
     ComputationError
-        if the path ends before the first travel.
+        if the load path ends before the first travel.
     """
     size = mesh_size or MESH_SIZE
     settings = (f"in_{size:g}" if mesh_size else "", "with_errors" if with_errors else "", assumed.name)
@@ -172,12 +174,13 @@ def _computed(
 
 
 def defines_of(press: IndenterPress, assumed: PadAssumptions = AS_FITTED) -> dict[str, Any]:
-    """Values of the scene's parameters, by name."""
+    """Values of the scene's parameters for an indenter and assumptions, by name."""
     return press._asdict() | {"height": press.height - assumed.collar}
 
 
 def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False) -> PressReading:
-    """Force and changes of one state, with ``points`` light paths for each taxel and randomisation."""
+    """Read one state of the pad with ``points`` light paths for each taxel and randomisation: force and changes of the
+    taxels."""
     readings = measure(scene, points=points, mechanics_error=with_errors)
     state = deformed_pads(scene.load())[0].state
     force = -indentation_of(state)[1].nodal_forces.sum(axis=0)[2]
@@ -190,7 +193,7 @@ def read(scene: Scene, at_rest: Readings, points: int, with_errors: bool = False
 
 
 def dataset(dim: str, rows: list[PressReading]) -> xr.Dataset:
-    """A dataset of readings, by ``dim`` and ``taxel``."""
+    """Combine readings to a dataset over ``dim`` and ``taxel``."""
     forces, force_errors, changes, errors, step_errors = map(np.array, zip(*rows, strict=True))
     return xr.Dataset(
         {
@@ -205,13 +208,13 @@ def dataset(dim: str, rows: list[PressReading]) -> xr.Dataset:
 
 
 def centre_of(taxel: int) -> tuple[float, float]:
-    """Centre of the cell of a taxel, in mm."""
+    """Position (x, y) of the centre of a taxel's cell, in mm."""
     row, column = divmod(taxel - 1, SIDE)
     return (column - SIDE // 2) * measured.PITCH, (SIDE // 2 - row) * measured.PITCH
 
 
 def write_scene(file: Path, assumed: PadAssumptions = AS_FITTED) -> None:
-    """Write the scene; its folder is made if missing."""
+    """Write the scene of the pad to a file; the folder is created if it does not exist."""
     board = -(assumed.collar + measured.PACKAGE_HEIGHT)
     around = measured.CORE + (SIDE - 1) * measured.PITCH
     values = {
@@ -234,7 +237,7 @@ def write_scene(file: Path, assumed: PadAssumptions = AS_FITTED) -> None:
 
 
 def _grid(bottom: float) -> str:
-    """Bars between the windows, along x and along y, from the board to z = 0."""
+    """The bars of the grid between its windows, along x and along y, from the board up to z = 0, as XML."""
     centres = (np.arange(SIDE) - (SIDE - 1) / 2) * measured.PITCH
     edges = centres[:, None] + np.array([-0.5, 0.5]) * measured.WINDOW
     half = measured.PAD_SIDE / 2

@@ -1,4 +1,4 @@
-"""The measured pad along paths in time under its indenter: a slow cycle, and a hold with its release."""
+"""The measured pad under prescribed motions of its indenter: a slow loading cycle, and a hold with release."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Prony = tuple[tuple[float, float], ...]
 
 
 class TimedTravel(NamedTuple):
-    """A time in s, and the travel of the indenter at that time in mm."""
+    """A time in s, and the travel of the indenter at this time in mm."""
 
     time: float
     travel: float
@@ -41,10 +41,11 @@ def cycle(
     friction: float = 0.0,
     mesh_size: float | None = None,
 ) -> xr.Dataset:
-    """Force and readings along a cycle of the measured duration, from rest to rest: by ``row`` with its ``travel``.
+    """Compute force and readings along a loading cycle of the measured duration, from rest to rest, as a dataset over
+    ``row`` with the coordinate ``travel``.
 
-    The record begins at a travel of ``late`` mm. Without terms, the pad is elastic. The last row, at no travel, is not
-    computed: the indenter leaves the pad there.
+    The record begins at a travel of ``late`` mm. Without Prony terms, the pad is elastic. The last row of the cycle, at
+    travel 0, is not computed, because the indenter leaves the pad there.
     """
     fraction = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
     times = measured.CYCLE_SECONDS / 2 * np.arange(1, 2 * STEPS) / STEPS
@@ -59,7 +60,8 @@ def cycle(
 def hold_and_release(
     store: PaperStudies, press: IndenterPress, prony: Prony, late: float = 0.0, mesh_size: float | None = None
 ) -> xr.Dataset:
-    """Force and readings at the times of the record. The pad is pressed within 0.1 s, held, and released in no time."""
+    """Compute force and readings at the times of the record while the pad is pressed within 0.1 s, held, and released
+    instantly."""
     end = REACHED + HELD
     travel = round(measured.HELD_AT + late, 6)
     hold = [TimedTravel(REACHED, travel), *(TimedTravel(REACHED + time, travel) for time in HOLD_TIMES)]

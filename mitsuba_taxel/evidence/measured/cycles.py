@@ -1,4 +1,5 @@
-"""Loading cycles of the paper's pads with viscoelasticity: volts per newton, nonlinearity and hysteresis."""
+"""Loading cycles of the paper's pads with viscoelastic silicone: sensitivity in volts per newton, nonlinearity and
+hysteresis."""
 
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ STEPS, POINTS = 5, 1024
 
 
 class CycleFigures(NamedTuple):
-    """Figures of the taxels of a pad: least and largest V/N; nonlinearity and hysteresis in percent of the most
-    sensitive taxel, with errors."""
+    """Figures of merit of a pad: the least and the largest sensitivity of its taxels in V/N; nonlinearity and
+    hysteresis of the most sensitive taxel in percent, with errors."""
 
     least: float
     most: float
@@ -33,9 +34,9 @@ class CycleFigures(NamedTuple):
 
 
 def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]) -> xr.Dataset:
-    """Readings along one cycle to the experiments' force per cell, at their rate.
+    """Compute readings along one loading cycle, with the force per cell and the rate of the experiments.
 
-    The modulus of the paper is taken as the long-term one.
+    The modulus in the paper is taken as the long-term modulus.
     """
     fraction = np.concatenate([np.arange(STEPS + 1), np.arange(STEPS - 1, -1, -1)]) / STEPS
     forces = -paper.MEASURED_FORCE * PER_FORCE * fraction
@@ -49,7 +50,8 @@ def cycle(store: PaperStudies, cell: str, terms: tuple[tuple[float, float], ...]
 
 
 def circuit_at_rest(study: xr.Dataset) -> Circuit:
-    """The circuit of the measured pad, with LEDs whose power gives its mean voltage at the first step of a cycle."""
+    """The circuit of the measured pad. The power of its LEDs is chosen such that the first step of a cycle has the
+    measured mean voltage."""
     return Circuit(
         supply=measured.ADC_REFERENCE,
         load_resistance=measured.LOAD_RESISTANCE,
@@ -59,7 +61,7 @@ def circuit_at_rest(study: xr.Dataset) -> Circuit:
 
 
 def figures(study: xr.Dataset) -> CycleFigures:
-    """Figures of a cycle behind :func:`circuit_at_rest`."""
+    """Figures of merit of a loading cycle, measured through the circuit of :func:`circuit_at_rest`."""
     circuit = circuit_at_rest(study)
     experiments = simulated_experiments(study, circuit)
     table = characteristics(experiments.experiments, experiments.off)

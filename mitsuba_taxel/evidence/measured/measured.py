@@ -1,7 +1,7 @@
-"""Published measurements of real sensors, for comparison.
+"""Published measurements of real sensors.
 
-The pad is by the paper's authors (Vanvitelli Robotics, project REMODEL, public repository of its sensor), with 5 x 5
-photo-reflectors NJL5908AR, pressed by a robot; the paper's tables are in `paper`.
+The pad has 5 x 5 photo-reflectors NJL5908AR, and was pressed by a robot. It was made by the authors of the paper
+(Vanvitelli Robotics, project REMODEL, public repository of the sensor). The tables of the paper are in `paper`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ PRESSED = 13
 
 
 class MeasuredPress(NamedTuple):
-    """Record of a slowly pressed taxel: voltage at rest in V; force in N, change of the voltage, and travel in mm."""
+    """Record of a taxel that is pressed slowly: voltage at rest in V; force in N, change of the voltage relative to
+    rest, and travel of the indenter in mm."""
 
     at_rest: float
     forces: tuple[float, ...]

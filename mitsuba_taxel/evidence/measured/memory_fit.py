@@ -1,5 +1,5 @@
-"""A Prony series fitted to the voltage after release, and hysteresis loops that it predicts, with the pad under its
-indenter."""
+"""A Prony series of the measured pad's silicone, fitted to the voltage after release, and the hysteresis loops that it
+predicts."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ SLOW = np.geomspace(1.0, 1e4, 81)
 
 
 class HysteresisLoop(NamedTuple):
-    """Widths of the hysteresis loops of a cycle, in percent of the largest force or change, and the energy lost, in
-    percent of the energy of loading.
+    """Widths of the hysteresis loops of a loading cycle in percent of the largest force or change, and the energy loss
+    in percent of the energy of loading.
 
     Attributes
     ----------
     force : float
-        Loop of the force at equal travel.
+        Width of the loop of the force, at equal travel.
     energy : float
-        Energy lost in a cycle.
+        Energy loss of the cycle.
     change_at_force, change_at_travel : float
-        Widths of the loop of the reading at equal force, and at equal travel.
+        Widths of the loop of the reading, at equal force and at equal travel.
     """
 
     force: float
@@ -50,16 +50,19 @@ class HysteresisLoop(NamedTuple):
 
 
 class MemoryErrors(NamedTuple):
-    """Numerical errors of a `PronyFit`, due to elements (from a finer mesh), time steps and light.
-
-    Attributes are errors of those of `PronyFit` with the same name.
+    """Numerical errors of the predictions in a `PronyFit`, due to finite elements (from a finer mesh), time steps and
+    light.
 
     Attributes
     ----------
     tail : (8,) ndarray
+        Errors of ``PronyFit.tail``, at the eight times of the record.
     hold : (4,) ndarray
+        Errors of ``PronyFit.hold``, in the four time windows of the hold.
     held_change : float
+        Error of ``PronyFit.held_change``.
     loop : HysteresisLoop
+        Errors of ``PronyFit.loop``.
     """
 
     tail: np.ndarray
@@ -69,25 +72,28 @@ class MemoryErrors(NamedTuple):
 
 
 class PronyFit(NamedTuple):
-    """A Prony series fitted to the voltage after release, and what it predicts.
+    """A Prony series fitted to the voltage after release, and the predictions of this series.
 
     Attributes
     ----------
     terms : tuple[tuple[float, float], ...]
-        Shares and relaxation times in s.
+        Weights and relaxation times in s of the series.
     paths : int
-        Number of paths of finite elements for the fit.
+        Number of finite-element load paths that the fit needed.
     tail : (8,) ndarray
-        Change after release, relative to that during the hold, at the times of the record.
+        Change of the reading after release, at the eight times of the record, relative to the change at the end of the
+        hold.
     hold : (4,) ndarray
-        Force in the windows of the hold, relative to the last.
+        Mean force in the four time windows of the hold, relative to the last window.
     held_change : float
-        Largest difference of the change from that at the end of the hold, relative to it, from 0.5 s on.
+        Largest difference, from 0.5 s on, between the change of the reading during the hold and that at its end,
+        relative to the latter.
     loop, rubbed : HysteresisLoop
-        Loops of the slow cycle: by the series, and by friction instead of the series.
+        Hysteresis loops of the slow cycle: with the series, and with friction of the indenter instead of the series.
     stiffer : float
-        Largest force of the cycle with friction, relative to that of the slow one.
+        Largest force of the cycle with friction, relative to that of the cycle with the series.
     errors : MemoryErrors
+        Numerical errors of the predictions.
     """
 
     terms: Prony
@@ -102,9 +108,9 @@ class PronyFit(NamedTuple):
 
 
 def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
-    """Fit the Prony series to the voltage after release, and predict the hold and the loops.
+    """Fit the Prony series to the measured voltage after release, and predict the hold and the hysteresis loops.
 
-    Missing paths are computed. Records begin at a travel of ``late`` mm."""
+    Missing load paths are computed. Records begin at a travel of ``late`` mm."""
 
     def computed(terms: Prony) -> np.ndarray:
         return tail_of(hold_and_release(store, press, terms, late))
@@ -127,7 +133,7 @@ def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
 
 
 def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer: xr.Dataset) -> MemoryErrors:
-    """Numerical errors of a hold with its release, and of a cycle, from the differences from finer elements."""
+    """Numerical errors of a hold with release, and of a loading cycle, from the differences to finer elements."""
     pressed = {"taxel": measured.PRESSED}
     light = (study.change_error / study.change[len(HOLD_TIMES)]).sel(pressed).values
     step_error = study.step_error.values
@@ -148,18 +154,19 @@ def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer
 
 
 def held_change_of(study: xr.Dataset) -> float:
-    """Largest difference of the change from its value at the end of the hold, relative to that value, from 0.5 s on."""
+    """Largest difference, from 0.5 s on, between the change of the reading during the hold and its value at the end,
+    relative to that value."""
     change = study.change.sel(taxel=measured.PRESSED).values[1 : 1 + len(HOLD_TIMES)]
     late = change[np.array(HOLD_TIMES) >= 0.5]
     return float(np.abs(late / change[-1] - 1).max())
 
 
 def slow_term() -> tuple[float, float]:
-    """An additional relaxation term that explains the measured loop of the force.
+    """Find an additional relaxation term that would explain the measured loop of the force.
 
-    The solid is linear, and its load is a triangle in time. Of the relaxation times `SLOW`, the one that leaves the
-    least change at the end of the record of the release is chosen. The function returns this time in s, and the
-    fraction of the change that remains."""
+    The solid is assumed linear, and its load a triangle in time. The relaxation time in `SLOW` is chosen that leaves
+    the smallest change at the end of the record of the release. The function returns this time in s, and the fraction
+    of the change that remains."""
     end, hold = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
     remaining = []
     for time in SLOW:
@@ -173,17 +180,18 @@ def slow_term() -> tuple[float, float]:
 
 
 def linear_loop(terms: Prony) -> float:
-    """Width of the loop of the force of a linear solid with this series, in percent of the largest force."""
+    """Width of the hysteresis loop of the force of a linear solid with a Prony series, in percent of the largest
+    force."""
     shares = np.array([weight for weight, _ in terms])
     widths, relaxed = np.array([_loop_per_share(time) for _, time in terms]).T
     return float(100 * (shares @ widths) / (1 - shares @ relaxed))
 
 
 def _loop_per_share(time: float) -> tuple[float, float]:
-    """Loop of a linear solid with one Prony term of relaxation time ``time``, in s.
+    """Hysteresis loop of a linear solid with one Prony term of relaxation time ``time``, in s.
 
     Returns the width of the loop per weight of the term, relative to the largest force without the term, and the
-    fraction of the term that has relaxed when the load turns."""
+    fraction of the term that has relaxed when the load reverses."""
     half = measured.CYCLE_SECONDS / 2
     t = np.linspace(0.0, half, 401)
     loading = -time / half * np.expm1(-t / time)
@@ -193,16 +201,18 @@ def _loop_per_share(time: float) -> tuple[float, float]:
 
 
 def measured_tail() -> np.ndarray:
-    """Measured changes (8,) that remain after release, relative to the change during the hold."""
+    """Measured changes of the voltage after release at the eight times of the record, (8,), relative to the change
+    during the hold."""
     return np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
 
 
 def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
-    """The series whose tail ``computed(terms)`` is nearest to the measured tail, and the number of series tried.
+    """Fit the Prony series whose computed changes after release, ``computed(terms)``, are closest to the measured
+    changes. Returns the series and the number of series that were computed.
 
-    Space mapping (J. W. Bandler et al., 1994): each iteration minimises the squared relative errors of
-    :func:`linear_tail`, scaled by the ratio of the computed tail to :func:`linear_tail` at the last shares, until the
-    shares converge.
+    The method is space mapping (J. W. Bandler et al., 1994): each iteration minimises the squared relative errors of
+    the linear model :func:`linear_tail`, scaled by the ratio of the computed changes to the linear model at the last
+    weights, until the weights converge.
     """
     target, shares = measured_tail(), np.array([0.1, 0.01, 0.01])
     ratio = np.ones(len(target))
@@ -220,26 +230,27 @@ def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
 
 
 def linear_tail(shares: np.ndarray) -> np.ndarray:
-    """Small strain (8,) after a long hold and a release of the stress, relative to the held strain, at the record's
-    times.
+    """Strain of a linear solid after a long hold and a release of the stress, at the eight times of the record, (8,),
+    relative to the strain during the hold.
 
-    For each term with share g, p is g times the difference between the strain of the term's spring and the strain of
-    the solid. The strain of the solid is the negative sum of all p, and dp/dt = -(p + g strain) / tau; p = -g after the
-    hold.
+    For each Prony term with weight g and relaxation time tau, p is g times the difference between the strain of the
+    term's spring and the strain of the solid. The strain of the solid is the negative sum of all p, and dp/dt = -(p + g
+    strain) / tau, with p = -g at the end of the hold.
     """
     rates = -(np.eye(len(shares)) - shares[:, None]) / np.array(TIMES)[:, None]
     return np.array([(expm(rates * time) @ shares).sum() for time in measured.TAIL_TIMES])
 
 
 def tail_of(study: xr.Dataset) -> np.ndarray:
-    """Computed changes (8,) after release, relative to the change at the end of the hold."""
+    """Computed changes of the reading after release at the eight times of the record, (8,), relative to the change at
+    the end of the hold."""
     change = study.change.sel(taxel=measured.PRESSED).values
     return change[-len(measured.TAIL_TIMES) :] / change[len(HOLD_TIMES)]
 
 
 def hold_of(study: xr.Dataset) -> np.ndarray:
-    """Mean forces (4,) in the windows of the hold, relative to the last window; interpolated linearly in the logarithm
-    of time."""
+    """Mean force in each of the four time windows of the hold, (4,), relative to the last window. Forces are
+    interpolated linearly in the logarithm of time."""
     force = study.force.values[1 : 1 + len(HOLD_TIMES)]
     means = []
     for window in measured.HOLD_WINDOWS:
@@ -249,7 +260,7 @@ def hold_of(study: xr.Dataset) -> np.ndarray:
 
 
 def loop_of(study: xr.Dataset) -> HysteresisLoop:
-    """Figures of a cycle, from rest to rest."""
+    """Widths of the hysteresis loops and energy loss of a computed cycle, from rest to rest."""
     change = study.change.sel(taxel=measured.PRESSED).values
     half = len(change) // 2 + 1
     travel = np.insert(study.travel.values[:half], 0, 0.0)
@@ -269,9 +280,9 @@ def loop_of(study: xr.Dataset) -> HysteresisLoop:
 def _at_equal_force(
     force: np.ndarray, change: np.ndarray, force_back: np.ndarray, change_back: np.ndarray
 ) -> np.ndarray:
-    """Change during loading minus change during unloading, at the forces of unloading.
+    """Change of the reading during loading minus that during unloading, at the forces of unloading.
 
-    The end at rest is left out: there the curves do not meet, as the indenter leaves the pad before the pad has
+    The end at rest is left out. There the curves do not meet, because the indenter leaves the pad before the pad has
     recovered.
     """
     return CubicSpline(force, change)(force_back[1:]) - change_back[1:]

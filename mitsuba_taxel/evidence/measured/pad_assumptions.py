@@ -1,5 +1,5 @@
-"""Effects of other assumptions of the model of the measured pad, changed one at a time. The height of the pad and the
-radius of the indenter are those of the fit; the modulus and the start of the record are fitted again."""
+"""Effects of the assumptions in the model of the measured pad, which are changed one at a time. The height of the pad
+and the radius of the indenter are those of the fit; the modulus and the start of the record are fitted again."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ OTHERS = {
 
 
 class AssumptionResult(NamedTuple):
-    """Results under an assumption.
+    """Results under one changed assumption.
 
     Attributes
     ----------
     fitted : TaxelComparison
-        The fitted taxel.
+        Comparison of the taxel to which the model was fitted.
     rings : (5,) ndarray
-        Means by :func:`rings`, at the travel of the hold.
+        Mean changes at each of five distances from the middle, from :func:`rings`, at the travel of the hold.
     """
 
     fitted: TaxelComparison
@@ -48,7 +48,7 @@ class AssumptionResult(NamedTuple):
 
 
 def tried(store: PaperStudies, results: PadComparison) -> dict[str, AssumptionResult]:
-    """Results under each of :data:`OTHERS`; missing paths are computed."""
+    """Compute the results under each assumption in :data:`OTHERS`; missing load paths are computed."""
     return {name: _tried(store, results, assumed) for name, assumed in OTHERS.items()}
 
 
@@ -63,17 +63,17 @@ def _tried(store: PaperStudies, results: PadComparison, assumed: PadAssumptions)
 
 
 def rings(values: np.ndarray) -> np.ndarray:
-    """Means of a map over the taxels at each of the five distances from the middle.
+    """Mean of a map (5, 5) over the taxels at each of the five distances from the middle.
 
-    A small offset of the indenter from the middle changes them in second order only."""
+    To first order, a small offset of the indenter from the middle does not change these means."""
     row, column = np.indices(values.shape) - bench_pad.SIDE // 2
     distance = np.hypot(row, column).round(6)
     return np.array([values[distance == radius].mean() for radius in np.unique(distance)[1:]])
 
 
 def expected_at(results: PadComparison) -> tuple[float, float, float]:
-    """Change of the taxel :data:`PREDICTED` in the map: measured, computed, and computed with the sensitivity of that
-    taxel when it is pressed itself."""
+    """Change of the taxel :data:`PREDICTED` in the map: measured; computed; and computed with the sensitivity that this
+    taxel has when it is pressed itself."""
     position = np.unravel_index(PREDICTED - 1, results.moved.shape)
     computed = float(results.moved[position])
     return float(np.array(measured.HELD_MAP)[position]), computed, own_sensitivity(results.taxels[PREDICTED]) * computed

@@ -1,4 +1,4 @@
-"""The measured pad compared with its model, which is fitted at one taxel and predicts the others."""
+"""Comparison of the measured pad with its model, which is fitted to one taxel and predicts the others."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ FINER = 1.05
 
 
 class TaxelComparison(NamedTuple):
-    """A pressed taxel, measured and computed at the measured travels; NaN beyond the end of the computed path.
+    """Comparison of a pressed taxel: measured and computed at the S measured travels; NaN beyond the end of the
+    computed load path.
 
     Attributes
     ----------
     measured, computed : PressedTaxel
-        Forces in N, with the fitted modulus.
+        Forces in N and changes of the reading; computed forces are those with the fitted modulus.
     along : PressedTaxel
-        The computed curve at many travels, for figures.
+        The computed curve at many travels, for plots.
     change_at_force : (S,) ndarray
         Computed change at the measured forces.
     end : str
-        Reason why the path ends early; else empty.
+        Reason why the computed load path ends early; empty if it does not.
     """
 
     measured: PressedTaxel
@@ -45,18 +46,18 @@ class TaxelComparison(NamedTuple):
 
     @property
     def force_error(self) -> np.ndarray:
-        """Error (S,) of the force at equal travel, in percent of the largest measured one."""
+        """Error (S,) of the computed force at equal travel, in percent of the largest measured force."""
         return 100 * (self.computed.force - self.measured.force) / self.measured.force.max()
 
     @property
     def change_error(self) -> np.ndarray:
-        """Error (S,) of the change at equal force, in percent of the largest measured one."""
+        """Error (S,) of the computed change at equal force, in percent of the largest measured change."""
         return 100 * (self.change_at_force - self.measured.change) / self.measured.change.max()
 
 
 class NeighbourChange(NamedTuple):
-    """Result of a hold: height of the pad in mm, mean change of the four nearest taxels in percent of the change of the
-    middle taxel, and the change of the middle taxel."""
+    """Changes while the middle taxel is held: height of the pad in mm, mean change of the four nearest taxels in
+    percent of that of the middle taxel, and relative change of the middle taxel."""
 
     height: float
     near: float
@@ -64,27 +65,28 @@ class NeighbourChange(NamedTuple):
 
 
 class PadComparison(NamedTuple):
-    """The fitted pad, and its predictions for all taxels.
+    """The fitted model of the pad, and its predictions for all taxels.
 
     Attributes
     ----------
     found : FittedPad
         The fitted height, modulus and indenter.
     taxels : dict[int, TaxelComparison]
-        Comparisons by the pressed taxel.
+        Comparison for each pressed taxel, by its number.
     offset : (2,) ndarray
-        Offset of the indenter from the middle, from the asymmetry of the map, in mm.
+        Offset (x, y) of the indenter from the middle in mm, from the asymmetry of the measured map.
     centred, moved : (5, 5) ndarray
-        Changes of all taxels while the middle taxel is held, in percent of its change, without and with the offset.
+        Computed changes of all taxels while the middle taxel is held, in percent of the change of the middle taxel,
+        with the indenter in the middle and with the offset.
     held : float
-        Change of the middle taxel while it is held.
+        Relative change of the middle taxel while it is held.
     errors : xr.Dataset
-        Force and changes during the hold, with their errors.
+        Force and changes at the travel of the hold, with their errors.
     finer : xr.Dataset
-        Force and changes during the hold on smaller elements.
+        Force and changes at the travel of the hold, on smaller elements.
     widest : NeighbourChange
-        The pad, among those tried, whose map agrees best with the measured map at the four taxels nearest to the
-        middle.
+        Result of the pad height, among those tried, whose map agrees best with the measured map at the four taxels
+        nearest to the middle.
     """
 
     found: FittedPad
@@ -99,12 +101,12 @@ class PadComparison(NamedTuple):
 
     @property
     def fitted(self) -> IndenterPress:
-        """The fitted pad and indenter, in the middle."""
+        """The fitted pad, and the fitted indenter in the middle."""
         return _press_of(self.found)
 
 
 def results(store: PaperStudies) -> PadComparison:
-    """Fit to taxel 13, and predictions; missing paths are computed."""
+    """Fit the model to taxel 13, and predict all other taxels; missing load paths are computed."""
     curves = {taxel: measured_curve(taxel) for taxel in measured.PRESSES}
 
     def pressed(height: float, radius: float) -> PressedTaxel:
@@ -143,7 +145,7 @@ def _wide(study: xr.Dataset, height: float) -> NeighbourChange:
 
 
 def measured_curve(taxel: int) -> PressedTaxel:
-    """The measured curve of a taxel, relative to its voltage at rest."""
+    """The measured curve of a taxel; changes are relative to its voltage at rest."""
     press = measured.PRESSES[taxel]
     return PressedTaxel(np.array(press.travels), np.array(press.forces), np.array(press.volts) / press.at_rest)
 
@@ -153,7 +155,7 @@ def curve_of(study: xr.Dataset, taxel: int) -> PressedTaxel:
 
 
 def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel: PressedTaxel) -> TaxelComparison:
-    """The computed path of a taxel together with its measured curve."""
+    """Compare the computed load path of a pressed taxel with its measured curve."""
     computed = curve_of(study, taxel)
     travels = np.linspace(0.0, computed.travel[-1], 200)
     along, at_measured = (computed.at(travel) for travel in (travels, measured_taxel.travel + fitted_pad.late))
@@ -166,17 +168,18 @@ def compare(study: xr.Dataset, taxel: int, fitted_pad: FittedPad, measured_taxel
 
 
 def held_map(study: xr.Dataset) -> np.ndarray:
-    """Changes (5, 5) of all taxels at the last travel, in percent of the change of the middle taxel."""
+    """Map (5, 5) of the changes of all taxels at the last travel, in percent of the change of the middle taxel."""
     change = study.change.isel(travel=-1).values
     return 100 * (change / change[measured.PRESSED - 1]).reshape(bench_pad.SIDE, bench_pad.SIDE)
 
 
 def offset_from(centred: np.ndarray, measured_map: np.ndarray) -> np.ndarray:
-    """x and y in mm of the indenter relative to the middle, from the asymmetry of the nearest taxels.
+    """Offset (x, y) of the indenter from the middle in mm, from the asymmetry of the measured map at the nearest
+    taxels.
 
-    The asymmetry of the map under a centred indenter, due to dies beside the axes of the cells, is subtracted. Changes
-    are assumed to depend on the distance r from the indenter only; the slope of their logarithm at one pitch is that of
-    an even quartic in r through the computed changes at 0, 1 and 2 pitches."""
+    The asymmetry under a centred indenter, due to the dies beside the axes of the cells, is subtracted. The changes are
+    assumed to depend on the distance r from the indenter only. The slope of their logarithm at one pitch is that of an
+    even polynomial of degree 4 in r through the computed changes at 0, 1 and 2 pitches."""
     first_ring, second_ring = ring(centred, 1), ring(centred, 2)
     a, b = np.linalg.solve([[1.0, 1.0], [4.0, 16.0]], np.log([first_ring / 100.0, second_ring / 100.0]))
     slope = first_ring * (2 * a + 4 * b) / measured.PITCH
@@ -188,7 +191,7 @@ def offset_from(centred: np.ndarray, measured_map: np.ndarray) -> np.ndarray:
 
 
 def ring(values: np.ndarray, steps: int) -> float:
-    """Mean of a map over the four taxels at a number of steps along rows and columns."""
+    """Mean of a map over the four taxels at ``steps`` pitches from the middle, along the row and the column."""
     middle = bench_pad.SIDE // 2
     before, after = middle - steps, middle + steps
     return float(

@@ -1,9 +1,9 @@
-"""Height, modulus and end of the indenter of the measured pad, from one taxel alone.
+"""Fit of the measured pad's height and modulus, and of the indenter's radius, to the record of one taxel.
 
-The force of a neo-Hookean pad at a given travel is proportional to its modulus, which therefore has a closed form for
-each shape. A record may begin late, when contact was noticed. The unknowns are found by least squares, with logarithms
-of forces and changes linear in those of height and radius, and Broyden's update of their derivatives, as each curve
-costs a path of finite elements (C. G. Broyden, 1965).
+The force of a neo-Hookean pad at a given travel is proportional to its modulus, so that the best modulus for each
+height and radius has a closed form. A record may begin some time after the first contact. Height and radius are found
+by least squares. The logarithms of forces and changes are taken as linear in the logarithms of height and radius; their
+derivatives are updated by Broyden's method, because each curve needs a finite-element load path (C. G. Broyden, 1965).
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ DIGITS = 3
 
 
 class PressedTaxel(NamedTuple):
-    """Record of a pressed taxel at some travels.
+    """Curve of a pressed taxel, measured or computed, at S travels.
 
     Attributes
     ----------
     travel : (S,) ndarray
         Travel of the indenter in mm.
     force : (S,) ndarray
-        Force in N; computed forces are those of a modulus of 1 MPa.
+        Force in N; computed forces are those for a modulus of 1 MPa.
     change : (S,) ndarray
         Change of the reading, relative to rest.
     """
@@ -47,7 +47,7 @@ class PressedTaxel(NamedTuple):
     change: np.ndarray
 
     def at(self, travel: np.ndarray) -> PressedTaxel:
-        """The curve at other travels, by a spline that starts at rest; NaN beyond its end."""
+        """The curve at other travels, by a spline that starts at rest; NaN beyond the end of the curve."""
         knots = np.insert(self.travel, 0, 0.0)
         values = [
             CubicSpline(knots, np.insert(y, 0, 0.0), bc_type="natural", extrapolate=False)(travel)
@@ -68,9 +68,9 @@ class FittedPad(NamedTuple):
     late : float
         Travel in mm at which the record begins.
     deviations : (3,) ndarray
-        Standard errors of height, radius and this travel in mm, from the scatter of the residuals.
+        Standard errors of height, radius and ``late`` in mm, from the scatter of the residuals.
     misfit : float
-        Root mean square of the residuals of forces and changes, each relative to its largest.
+        Root mean square of the residuals of forces and changes, relative to the largest force and the largest change.
     tried : dict[tuple[float, ...], float]
         Misfit of each height and radius that was tried.
     """
@@ -83,13 +83,13 @@ class FittedPad(NamedTuple):
     tried: dict[tuple[float, ...], float]
 
     def travel(self, recorded: float) -> float:
-        """Travel in mm from the first contact, from the travel of the record, rounded to the digits in the name of a
-        path."""
+        """Convert a travel of the record to the travel from the first contact, in mm, rounded to the digits in the name
+        of a load path."""
         return round(recorded + self.late, 3)
 
 
 def lateness(computed: PressedTaxel, measured: PressedTaxel) -> float:
-    """Travel in mm, at most `LATEST`, at which the record begins, by least squares."""
+    """Fit the travel in mm, at most `LATEST`, at which the record begins, by least squares."""
     solution = minimize_scalar(
         lambda late: np.square(residuals(computed, measured, late)).sum(),
         bounds=(0.0, LATEST),
@@ -100,10 +100,10 @@ def lateness(computed: PressedTaxel, measured: PressedTaxel) -> float:
 
 
 def modulus(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> float:
-    """Young's modulus in MPa from a least-squares fit of the measured forces.
+    """Fit Young's modulus in MPa to the measured forces, by least squares.
 
-    Forces are proportional to the modulus: those of a path with 1 MPa are scaled, up to the end of that path. The
-    measured travel starts ``late`` mm after contact.
+    Forces are proportional to the modulus: those of a load path with 1 MPa are scaled, up to the end of that path. The
+    measured travel starts ``late`` mm after the first contact.
     """
     force = computed.at(measured.travel + late).force
     borne = np.isfinite(force)
@@ -111,10 +111,10 @@ def modulus(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -
 
 
 def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0) -> np.ndarray:
-    """Errors (2 S,) of the forces, with the best modulus, and of the changes, each relative to the largest measured
-    value.
+    """Residuals (2 S,): errors of the S computed forces, with the best modulus, then of the S changes, each relative to
+    the largest measured value.
 
-    Beyond the end of the computed path, errors are those at its last travel."""
+    Beyond the end of the computed load path, the residuals are those at its last travel."""
     curve = computed.at(measured.travel + late)
     scaled = modulus(computed, measured, late) * curve.force
     errors = np.stack(
@@ -128,7 +128,8 @@ def residuals(computed: PressedTaxel, measured: PressedTaxel, late: float = 0.0)
 def fit(
     pressed: Callable[[float, float], PressedTaxel], measured: PressedTaxel, start: tuple[float, float]
 ) -> FittedPad:
-    """Height and radius whose computed curve, ``pressed(height, radius)``, is nearest to the measured curve."""
+    """Fit height and radius such that the computed curve, ``pressed(height, radius)``, is closest to the measured
+    curve."""
     curves: dict[tuple[float, ...], PressedTaxel] = {}
 
     def computed(logs: np.ndarray) -> PressedTaxel:
@@ -172,10 +173,10 @@ def fit(
 
 
 def _logs(curve: PressedTaxel, count: int) -> np.ndarray:
-    """Logarithms (2, count) of forces and changes at the first travels."""
+    """Logarithms (2, count) of forces and changes at the first ``count`` travels."""
     return np.log(np.stack([curve.force[:count], curve.change[:count]]))
 
 
 def rounded(value: float) -> float:
-    """Unknowns rounded to the digits in the name of a path."""
+    """Round an unknown to the digits in the name of a load path."""
     return float(f"{value:.{DIGITS}g}")

@@ -1,4 +1,4 @@
-"""Spread of the readings of the measured pad at rest, from tolerances of its components."""
+"""Spread of the readings of the measured pad at rest, computed from tolerances of its components."""
 
 from __future__ import annotations
 
@@ -49,16 +49,16 @@ SOURCES = {
 
 
 class Spread(NamedTuple):
-    """Spread of the reading at rest, and its sources.
+    """Spread of the reading at rest, and the contributions to it.
 
     Attributes
     ----------
     laws, shares : dict[str, str], dict[str, float]
-        Distribution and total Sobol' index by parameter.
+        Distribution, and total Sobol' index, of each parameter.
     all, without_gain : float
-        Standard deviation of the reading, in percent of its mean, by all parameters and by all except the gain.
+        Standard deviation of the reading in percent of its mean, due to all parameters, and due to all except the gain.
     all_error, without_gain_error : float
-        Errors of these due to the finite number of samples.
+        Standard errors of these due to the finite number of samples.
     gain : float
         Standard deviation of the gain alone, in percent.
     """
@@ -72,16 +72,18 @@ class Spread(NamedTuple):
     gain: float
 
     def gain_for(self, spread: float) -> float:
-        """Spread of the gain in percent that, with the other tolerances, gives a ``spread`` of readings in percent.
+        """Spread of the gain in percent that is needed, with the other tolerances, for a ``spread`` of readings in
+        percent.
 
-        Readings are proportional to the gain, and the relative variance of a product follows from those of its factors.
+        Readings are proportional to the gain; the relative variance of a product follows from the relative variances of
+        its factors.
         """
         variance = (1 + (spread / 100) ** 2) / (1 + (self.without_gain / 100) ** 2) - 1
         return 100 * float(np.sqrt(max(variance, 0.0)))
 
 
 def spread(store: PaperStudies) -> Spread:
-    """The spread, computed if missing."""
+    """Read the spread from the store, or compute it if it is missing."""
     scene, study = _texts()
     request = {"scene": scene, "study": study}
     study_data = store.study("tolerance/rest", request, lambda: _computed(store, scene, study))
@@ -103,7 +105,7 @@ def _relative(values: np.ndarray) -> float:
 
 
 def _error(values: np.ndarray) -> float:
-    """Standard error of :func:`_relative`, by the jackknife (B. Efron and C. Stein, 1981)."""
+    """Standard error of the result of :func:`_relative`, by the jackknife (B. Efron and C. Stein, 1981)."""
     jackknife = np.array([_relative(np.delete(values, number)) for number in range(len(values))])
     return float(np.sqrt((len(values) - 1) * jackknife.var()))
 
@@ -128,7 +130,7 @@ def _computed(store: PaperStudies, scene: str, study: str) -> xr.Dataset:
 
 
 def _texts() -> tuple[str, str]:
-    """Texts of the scene and of the study."""
+    """Texts of the files of the scene and of the study."""
     reflector = read_part("njl5908ar")
     emitter, detector = reflector.emitter, reflector.detector
     lowest, typical, highest = (

@@ -17,7 +17,8 @@ FORCES = (0.0, 1.0, 2.0, 3.0)
 
 
 def pushed(store: PaperStudies, cell: str, along: str) -> xr.Dataset:
-    """Readings of an elastic pad under tangential forces ``fx`` or ``fy``, at the normal force of the experiments."""
+    """Compute readings of an elastic pad under tangential forces ``fx`` or ``fy``, at the normal force of the
+    experiments."""
     vary = {along: list(FORCES)}
     defines = {"cell": cell, "youngs_modulus": YOUNGS_MODULUS, "fz": -paper.MEASURED_FORCE * PER_FORCE}
     request = {"vary": vary, "defines": defines, "points": POINTS}
@@ -26,7 +27,8 @@ def pushed(store: PaperStudies, cell: str, along: str) -> xr.Dataset:
 
 
 def largest_slope(study: xr.Dataset, circuit: Circuit) -> tuple[float, float]:
-    """Slope of the most sensitive taxel in V/N, for the force on as many cells as in the experiments, and its error."""
+    """Slope of the most sensitive taxel in V/N and its error, for the total force on a pad with the number of cells of
+    the experiments."""
     table = volts_table(study, circuit)
     best = table.loc[table.mean_slope_V_per_N.abs().idxmax()]
     return PER_FORCE * abs(best.mean_slope_V_per_N), PER_FORCE * best.mean_slope_V_per_N_error

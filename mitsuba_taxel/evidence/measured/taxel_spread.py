@@ -1,5 +1,5 @@
-"""Expected difference of the measured map from the computed map, whose taxels are all alike. The taxels that were
-pressed themselves show how much their sensitivities differ."""
+"""Expected difference between the measured map and the computed map due to the spread of sensitivities: in the computed
+map, all taxels have the same sensitivity. The spread follows from the taxels that were pressed themselves."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ ROUNDING = 1 / math.sqrt(12)
 
 
 class TaxelBand(NamedTuple):
-    """How much the measured map may differ from the computed one, as taxels differ in sensitivity.
+    """Expected difference between the measured and the computed map, because taxels differ in sensitivity.
 
     Attributes
     ----------
     own : dict[int, float]
-        Results of :func:`own_sensitivity`, by the pressed taxel.
+        Measured divided by computed sensitivity of each pressed taxel, from :func:`own_sensitivity`, by the number of
+        the taxel.
     spread : float
-        Standard deviation of the logarithms of these.
+        Standard deviation of the logarithms of these ratios.
     moved : (5, 5) ndarray
         The computed map: changes of all taxels, in percent of the change of the pressed taxel.
     deviation : (5, 5) ndarray
-        One standard deviation of the map, in percentage points; 0 for the middle.
+        Standard deviation of each number of the map, in percentage points; 0 for the middle taxel.
     """
 
     own: dict[int, float]
@@ -36,22 +37,22 @@ class TaxelBand(NamedTuple):
     deviation: np.ndarray
 
     def chance(self, times: float | np.ndarray) -> float | np.ndarray:
-        """Probability of a deviation of ``times`` standard deviations or more, by Student's distribution."""
+        """Probability that a taxel deviates by ``times`` standard deviations or more, by Student's distribution."""
         from scipy.stats import t
 
         return 2 * t.sf(times, len(self.own) - 1)
 
     def expected_beyond(self, target: float) -> float:
-        """Expected number of taxels that deviate by more than a ``target`` in points."""
+        """Expected number of taxels that deviate by more than ``target`` percentage points."""
         with np.errstate(divide="ignore"):
             return float(np.sum(self.chance(target / self.deviation)))
 
     def chance_of_none_beyond(self, target: float) -> float:
-        """Probability that no taxel deviates by more than a ``target`` in points.
+        """Probability that no taxel deviates by more than ``target`` percentage points.
 
         Two unknowns are common to all taxels: the deviation of the pressed taxel, and the standard deviation, which is
-        estimated from few taxels. For given values of both, taxels are independent; their probability is averaged over
-        equally likely values of both."""
+        estimated from few taxels. For given values of both, the taxels are independent. The probability is averaged
+        over equally likely values of both."""
         from scipy.stats import chi2, norm
 
         degrees, quantiles = len(self.own) - 1, (np.arange(400) + 0.5) / 400
@@ -66,8 +67,8 @@ class TaxelBand(NamedTuple):
 
 
 def band(results: PadComparison) -> TaxelBand:
-    """The uncertainty band of the computed map. Each number of the map is a ratio of two taxels, and both have unknown
-    deviations of their sensitivity."""
+    """Uncertainty of the computed map due to the spread of sensitivities. Each number of the map is a ratio of the
+    changes of two taxels, and both have unknown deviations of their sensitivity."""
     sensitivities = {taxel: own_sensitivity(compared) for taxel, compared in results.taxels.items()}
     spread = float(np.std(np.log(list(sensitivities.values())), ddof=1))
     deviation = np.hypot(math.sqrt(2) * spread * results.moved, ROUNDING)
@@ -76,7 +77,7 @@ def band(results: PadComparison) -> TaxelBand:
 
 
 def own_sensitivity(compared: TaxelComparison) -> float:
-    """Measured over computed sensitivity of a pressed taxel, from changes at equal force, by least squares."""
+    """Measured divided by computed sensitivity of a pressed taxel, from changes at equal force, by least squares."""
     borne = np.isfinite(compared.change_at_force)
     computed, observed = compared.change_at_force[borne], compared.measured.change[borne]
     return float(computed @ observed / (computed @ computed))

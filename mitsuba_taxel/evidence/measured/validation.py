@@ -1,4 +1,4 @@
-"""The page that compares simulated with measured sensors, disagreements included."""
+"""The page `validation.md`, which compares simulated with measured sensors and lists disagreements."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ computed again.
 
 
 def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
-    """Compute missing studies, and write ``validation.md`` and the figures in ``validation/``; returns the page."""
+    """Compute missing studies, and write ``validation.md`` and the figures in ``validation/``; returns the path of the
+    page."""
     pictures = docs / "validation"
     make_folder(pictures)
     fitted = results(store)
@@ -161,7 +162,7 @@ normal sensitivity:
 
 
 def _sideways(store: PaperStudies, cycles: Mapping[str, xr.Dataset]) -> list[list[str]]:
-    """Rows of Table 3, with the circuits of the cycles."""
+    """Rows of the comparison with Table 3 of the paper, computed with the circuits of the loading cycles."""
     rows = []
     for cell, slopes in paper.MEASURED_TANGENTIAL.items():
         row, circuit = [cell], circuit_at_rest(cycles[cell])

@@ -1,4 +1,4 @@
-"""Figures of the comparison with measured sensors: marks are measured, lines computed."""
+"""Plots of the comparison with measured sensors: markers are measured values, lines are computed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
 
 
 def mirror(heights: np.ndarray, datasheet: np.ndarray, fine_heights: np.ndarray, curve: np.ndarray, file: Path) -> None:
-    """Figure of the current under a mirror against the height, in percent of the largest."""
+    """Plot the photocurrent under a mirror against the height, in percent of the largest."""
     ax = axes_of((6, 3.6), 1, 1)[0, 0]
     ax.plot(fine_heights, 100 * curve, color=COLOURS[0], label="here")
     ax.plot(heights, 100 * datasheet, MARKERS[0], color=COLOURS[1], label="datasheet")
@@ -22,14 +22,15 @@ def mirror(heights: np.ndarray, datasheet: np.ndarray, fine_heights: np.ndarray,
 
 
 def memory(tail: np.ndarray, hold: np.ndarray, file: Path) -> None:
-    """Voltage after release, and force during the hold, at the times and windows of the record.
+    """Plot the voltage after release, and the force during the hold, at the times and in the time windows of the
+    record.
 
     Parameters
     ----------
     tail : (2, n) ndarray
-        Measured and fitted, in percent of the change during the hold.
+        Measured and fitted change at n times after release, in percent of the change during the hold.
     hold : (3, m) ndarray
-        Measured, its scatter, and computed, relative to the last window.
+        Measured force, its scatter, and computed force in m time windows, relative to the last window.
     """
     after, during = axes_of((10, 3.6), 1, 2)[0]
     after.loglog(measured.TAIL_TIMES, tail[1], color=COLOURS[0], label="fitted")
@@ -46,7 +47,7 @@ def memory(tail: np.ndarray, hold: np.ndarray, file: Path) -> None:
 
 
 def pressed(taxels: Mapping[int, TaxelComparison], file: Path) -> None:
-    """Figure of force against travel, and of the change of the reading against force, of the pressed taxels."""
+    """Plot force against travel, and the change of the reading against force, for the pressed taxels."""
     force, change = axes_of((10, 4), 1, 2)[0]
     for number, (taxel, compared) in enumerate(taxels.items()):
         colour = COLOURS[number]
@@ -64,7 +65,8 @@ def pressed(taxels: Mapping[int, TaxelComparison], file: Path) -> None:
 
 
 def maps(results: PadComparison, file: Path) -> None:
-    """Figure of the changes of all taxels while the middle one is held: measured, and computed with the offset."""
+    """Plot the changes of all taxels while the middle taxel is held: measured, and computed with the offset of the
+    indenter."""
     axes = axes_of((8, 4), 1, 2)[0]
     for ax, title, values in zip(axes, ("measured", "here"), (np.array(measured.HELD_MAP), results.moved), strict=True):
         image = ax.imshow(values, cmap="viridis", vmin=0, vmax=100)
@@ -76,8 +78,8 @@ def maps(results: PadComparison, file: Path) -> None:
 
 
 def sensitivities(ranges: Mapping[str, tuple[tuple[float, float], tuple[float, float]]], file: Path) -> None:
-    """Figure of the sensitivities in V/N of each shape, from the least to the most sensitive taxel, measured and
-    computed."""
+    """Plot the measured and the computed range of sensitivities in V/N of each shape, from the least to the most
+    sensitive taxel."""
     ax = axes_of((6, 3.4), 1, 1)[0, 0]
     for side, label in enumerate(("measured", "here")):
         low, high = 1e3 * np.array([pair[side] for pair in ranges.values()]).T

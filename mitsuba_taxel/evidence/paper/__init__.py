@@ -1,4 +1,4 @@
-"""Rerun of the paper: its figures and tables from this package, compared with its own numbers.
+"""Rerun of the paper: its figures and tables are computed with this package and compared with the published numbers.
 
-Input: the choices that the paper leaves open, as parameters of a scene. Output: studies, figures and the page.
+Input: a scene, whose parameters include the choices that the paper leaves open. Output: studies, figures and the page.
 """

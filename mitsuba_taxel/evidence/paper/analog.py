@@ -1,4 +1,4 @@
-"""The paper's own procedure: 60 000 rays counted at each force, and the maximum slope of the curves."""
+"""The procedure of the paper: 60 000 rays are counted at each force, and the maximum slope of the curve is reported."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ REPETITIONS = 2_000
 
 
 def counted(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Power (fz, replicate) of the centre taxel by counted rays over the paper's normal forces.
+    """Power of the centre taxel by counted rays, over the dimensions ``fz`` (the paper's normal forces) and
+    ``replicate``.
 
-    Each replicate is one repetition of the paper's procedure. Every force has independent random numbers, like new
-    rays.
+    Each replicate is a repetition of the paper's procedure. Every force has independent random numbers.
     """
     scene = store.folder / "analog" / "centre.xml"
     forces = np.arange(0, paper.NORMAL_FORCE + paper.FORCE_STEP / 2, paper.FORCE_STEP)
@@ -44,14 +44,14 @@ def counted(store: PaperStudies, cell: str) -> xr.Dataset:
 
 
 def _repetitions(scene: Path, defines: dict[str, object], number: int) -> np.ndarray:
-    """Readings (32 x RUNS,) of one scene; ``number`` selects its random numbers."""
+    """Readings (32 x RUNS,) of one scene in W, from independent repetitions; ``number`` selects the random numbers."""
     prepared = prepare(Scene(scene, {**defines, "integrator": "analog_tracer"}))
     seeds = range(number * RUNS, (number + 1) * RUNS)
     return np.concatenate([measure(prepared, points=RAYS, seed=seed).replicates[:, 0] for seed in seeds])
 
 
 class EmulatedSlope(NamedTuple):
-    """Result of the procedure: mean and standard deviation of its maximum slope over repetitions, in W/N.
+    """Maximum slope that the paper's procedure gives: mean and standard deviation over repetitions, in W/N.
 
     Attributes
     ----------
@@ -66,42 +66,43 @@ class EmulatedSlope(NamedTuple):
 
 
 def max_slopes(force: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """The maximum slope in magnitude (repetitions,), W/N, of each repetition.
+    """Largest magnitude of the slope in each repetition, W/N, as an array (repetitions,). Slopes are differences
+    between successive forces.
 
     Parameters
     ----------
     force : (F,) ndarray
-        Forces in N.
+        F forces in N.
     power : (F, repetitions) ndarray
-        Power in W. With shape (F, repetitions, taxels), the result is the largest slope of all taxels.
+        Power in W. With the shape (F, repetitions, taxels), the result is the largest slope of all taxels.
     """
     steps = np.abs(np.diff(power.reshape(*power.shape[:2], -1), axis=0))
     return (steps / np.abs(np.diff(force))[:, None, None]).max(axis=(0, 2))
 
 
 def summary(slopes: np.ndarray) -> EmulatedSlope:
-    """Mean and spread of the maximum slopes (repetitions,) of the procedure."""
+    """Mean and standard deviation of the maximum slopes (repetitions,)."""
     spread = float(slopes.std(ddof=1))
     return EmulatedSlope(float(slopes.mean()), spread, spread / np.sqrt(len(slopes)), len(slopes))
 
 
 def binomial(power: np.ndarray, rays: int, repetitions: int, seed: int = 0) -> np.ndarray:
-    """Readings (F, repetitions, taxels) as counts of ``rays`` rays, of which fractions ``power`` (F, taxels) reach the
-    taxels."""
+    """Draw readings (F, repetitions, taxels) as counts of ``rays`` rays; each ray reaches a taxel with the probability
+    ``power`` (F, taxels), at each of F forces."""
     random = np.random.default_rng(seed)
     shape = (len(power), repetitions, power.shape[1])
     return random.binomial(rays, np.clip(power, 0, 1)[:, None, :], shape) / rays
 
 
 class CountingTest(NamedTuple):
-    """Test whether readings scatter like counts: their variances over p (1 - p) / n, and the p-value of the mean.
+    """Test whether readings scatter as counts of rays do: with the variance p (1 - p) / n for a reading p by n rays.
 
     Attributes
     ----------
     ratio : float
-        Mean over the readings of variance / (p (1 - p) / n).
+        Observed variance divided by p (1 - p) / n, averaged over the readings.
     p : float
-        Two-sided p-value of a chi-square distribution.
+        Two-sided p-value of this ratio, from a chi-square distribution.
     """
 
     ratio: float
@@ -109,7 +110,7 @@ class CountingTest(NamedTuple):
 
 
 def counting_test(samples: np.ndarray, rays: int) -> CountingTest:
-    """Compare the scatter of counted readings with that of binomial counts.
+    """Compare the scatter of counted readings with that of a binomial distribution.
 
     Parameters
     ----------
@@ -126,8 +127,7 @@ def counting_test(samples: np.ndarray, rays: int) -> CountingTest:
 
 
 def emulated(study: xr.Dataset, force: str) -> EmulatedSlope:
-    """Results of the paper's procedure, with 60 000 rays for each reading, applied to the curves of all taxels of a
-    study.
+    """Apply the paper's procedure, with 60 000 rays for each reading, to the curves of all taxels of a study.
     """
     curve = curves(study, force)
     forces = np.arange(curve.force[0], curve.force[-1] + paper.FORCE_STEP / 2, paper.FORCE_STEP)

@@ -1,4 +1,4 @@
-"""Analysis of a rerun's studies against the paper's numbers."""
+"""Comparison of the rerun's studies with the numbers in the paper."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ PLACES = 201
 
 
 def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]:
-    """Sensitivities by path (``fz``, ``fx``, ...) and shape, and by ``normal`` and ``tangential`` as in Table 1.
+    """Sensitivities by load path (``fz``, ``fx``, ...) and cell shape, and in addition by ``normal`` and ``tangential``
+    as in Table 1.
 
-    The paper gives one number for tangential forces along x or y; here it is the steeper of the two.
+    The paper gives a single number for tangential forces along x and y; here it is the larger of the two slopes.
     """
     cells = list(studies)
     table = {path: {cell: sensitivity(studies[cell][path], path) for cell in cells} for path in studies[cells[0]]}
@@ -33,7 +34,8 @@ def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]
 
 
 def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, EmulatedSlope]]:
-    """Expected result of the paper's procedure, with the readings of this program, by kind of force and shape."""
+    """Maximum slopes that the paper's procedure would give with the readings of this program, by kind of force and cell
+    shape."""
     return {
         "normal": {cell: emulated(paths["fz"], "fz") for cell, paths in nominal.items()},
         "tangential": {cell: emulated(paths["fx"], "fx") for cell, paths in nominal.items()},
@@ -41,8 +43,8 @@ def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, Em
 
 
 def readings(nominal: Mapping[str, Paths]) -> dict[str, dict[str, float]]:
-    """Mean reading of the taxels in W where the slopes begin, by kind of force and shape: at rest for normal forces, at
-    -8 N for tangential forces."""
+    """Mean reading of the taxels in W at the start of the curves, by kind of force and cell shape: at rest for normal
+    forces, at -8 N for tangential forces."""
     return {
         "normal": {cell: float(paths["fz"].power.sel(fz=0).mean()) for cell, paths in nominal.items()},
         "tangential": {cell: float(paths["fx"].power.sel(fx=0).mean()) for cell, paths in nominal.items()},
@@ -55,11 +57,10 @@ def explanations(
     counts: Mapping[str, EmulatedSlope],
     reading: Mapping[str, float],
 ) -> dict[str, CommonFactorFit]:
-    """Three explanations of a column of Table 1, by shape, each with one free common factor.
+    """Fit three explanations to a column of Table 1 (a number for each cell shape), each with one free common factor.
 
-    Each explanation assumes that the published numbers are proportional to something: to the true slopes, with the
-    errors of the computed slopes; to the square root of the reading; or to the maximum slope with counting noise, with
-    the scatter of one repetition.
+    The published numbers are assumed to be proportional to the true slopes, with the errors of the computed slopes; or
+    to the square root of the reading; or to the maximum slope with counting noise, with the scatter of one repetition.
     """
     cells = list(published)
     numbers = np.array([published[cell] for cell in cells])
@@ -74,38 +75,40 @@ def explanations(
 
 
 def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> CommonFactorFit:
-    """Published numbers as a common factor times our maximum slopes."""
+    """Fit published numbers as a common factor times the computed maximum slopes."""
     error = np.array([slope.max_slope_error for slope in slopes])
     value = np.array([least(slope) for slope in slopes])
     return common_scale(published, value, error / value)
 
 
 def least(slope: Sensitivity) -> float:
-    """Maximum slope, or its error if that is larger, so that ratios stay finite."""
+    """The maximum slope, or its error if this is larger, so that ratios stay finite."""
     return max(slope.max_slope, slope.max_slope_error)
 
 
 def against_table_one(table: Mapping[str, Mapping[str, Sensitivity]]) -> CommonFactorFit:
-    """Fit all eight numbers of Table 1 by one common factor times ours.
+    """Fit all eight numbers of Table 1 as one common factor times the computed numbers.
 
-    All have equal weight, because their deviations from ours are much larger than our errors."""
+    All numbers have equal weight, because their deviations from the computed numbers are much larger than the errors of
+    these."""
     pairs = [(PUBLISHED[kind][cell], least(slope)) for kind in PUBLISHED for cell, slope in table[kind].items()]
     published, slopes = np.array(pairs).T
     return common_scale(published, slopes, np.ones(len(slopes)))
 
 
 class ReadingDifference(NamedTuple):
-    """A difference of readings in W with its error."""
+    """A difference of readings in W, and its error."""
 
     value: float
     error: float
 
 
 def skewness(study: xr.Dataset) -> dict[str, ReadingDifference]:
-    """Differences between mirrored taxels (Fig. 10) under a force along the secondary diagonal, minus those without it.
+    """Differences between the readings of taxels that mirror each other (Fig. 10), under a force along the secondary
+    diagonal, minus the differences without this force.
 
-    ``3 - 7`` : the corners on the diagonal; ``(2 + 6 - 4 - 8) / 2`` : the sides; ``1, 5, 9`` : the largest difference
-    from their mean on the main diagonal, where there should be little.
+    ``3 - 7``: corner taxels on the secondary diagonal; ``(2 + 6 - 4 - 8) / 2``: taxels at the sides; ``1, 5, 9``: the
+    largest difference of these taxels, on the main diagonal, from their mean, which should be small.
     """
     taxels = np.eye(9)
     middle = (taxels[0] + taxels[4] + taxels[8]) / 3
@@ -124,7 +127,7 @@ def skewness(study: xr.Dataset) -> dict[str, ReadingDifference]:
 
 
 def nonlinearity_of(study: xr.Dataset) -> tuple[float, float]:
-    """Nonlinearity in percent (paper, equation 7) of the taxel with the largest change up to 10 N, and its error.
+    """Nonlinearity in percent (paper, equation 7), and its error, of the taxel with the largest change up to 10 N.
 
     The error is the change of the nonlinearity if the slopes at both ends of the curve change by their errors, with
     opposite signs.

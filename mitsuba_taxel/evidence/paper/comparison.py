@@ -1,4 +1,4 @@
-"""Agreement of two sets of numbers for the four shapes: order and ratios."""
+"""Agreement of two sets of numbers for the four cell shapes, in their order and their ratios."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ DRAWS = 100_000
 
 
 class ShapeOrder(NamedTuple):
-    """Shapes from the largest value to the smallest, with the probability of this order.
+    """The cell shapes from the largest value to the smallest, with the probability of this order.
 
     Attributes
     ----------
     certainty : float
-        Probability that the true values come in this order, errors taken as normal and independent.
+        Probability that the true values are in this order, if errors are normal and independent.
     """
 
     names: tuple[str, ...]
@@ -27,7 +27,7 @@ class ShapeOrder(NamedTuple):
 
 
 def order(values: Mapping[str, float], errors: Mapping[str, float]) -> ShapeOrder:
-    """The order of values with standard errors."""
+    """Sort the shapes by their values, and compute the probability of this order from the standard errors."""
     names = tuple(sorted(values, key=lambda name: -values[name]))
     mean = np.array([values[name] for name in names])
     error = np.array([errors[name] for name in names])
@@ -36,7 +36,8 @@ def order(values: Mapping[str, float], errors: Mapping[str, float]) -> ShapeOrde
 
 
 def pairs_in_order(values: Mapping[str, float], references: Mapping[str, float]) -> tuple[int, int]:
-    """Number of pairs of shapes in the same order in both sets, and number of all pairs."""
+    """Count the pairs of shapes that have the same order in both sets of values. Returns this number and that of all
+    pairs."""
     pairs = list(combinations([name for name in values if name in references], 2))
     count = sum(
         (values[first] - values[second]) * (references[first] - references[second]) > 0 for first, second in pairs
@@ -45,18 +46,18 @@ def pairs_in_order(values: Mapping[str, float], references: Mapping[str, float])
 
 
 class CommonFactorFit(NamedTuple):
-    """Numbers explained as one common factor times expected values.
+    """Fit of numbers as a common factor times expected values.
 
     Attributes
     ----------
     scale : float
-        The factor.
+        The common factor.
     scale_error : float
         Standard error of the factor.
     chi_square, freedom, p : float and int
-        Sum of squared deviations over their variances, degrees of freedom, and p-value.
+        Sum of squared deviations divided by their variances, degrees of freedom, and p-value.
     misfit : float
-        Typical factor by which a number is off, exp of the root mean square of ln(number / (scale expected)).
+        Typical ratio between a number and its fit: exp of the root mean square of ln(number / (scale x expected)).
     """
 
     scale: float

@@ -1,4 +1,4 @@
-"""The figures of a rerun. Colour, marker and dash of curves are distinguishable with any colour vision."""
+"""Plots of the rerun. Curves are distinguishable with any colour vision, by colour, marker and dash."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ ABSCISSAE["resultant"] = "force along the diagonal [N]"
 
 @contextmanager
 def _figure(file: Path, rows: int, columns: int, size: tuple[float, float], **options: Any) -> Iterator[np.ndarray]:
-    """Axes (rows, columns) of a figure that is written to ``file``."""
+    """Context manager: axes (rows, columns) of a figure, which is written to ``file`` at the end."""
     axes = axes_of(size, rows, columns, **options)
     yield axes
     save_small(axes[0, 0].figure, file)
 
 
 def _curves(study: xr.Dataset, path: str) -> tuple[np.ndarray, np.ndarray]:
-    """Forces, and readings (forces, taxels) there."""
+    """Forces of a load path in N, and readings (forces, taxels) at them."""
     curve = curves(study, path)
     forces = np.linspace(curve.force[0], curve.force[-1], PLACES)
     return forces, curve.power(forces)
 
 
 def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, label: str, file: Path) -> None:
-    """Figs. 4 to 6: normalised power by emission law, one panel for each die spacing.
+    """Plot Figs. 4 to 6 of the paper: normalised power for each emission law, in a panel for each die spacing.
 
     Parameters
     ----------
     studies : Mapping[float, xr.Dataset]
-        Studies by spacing, with ``dim`` and ``law``.
+        Studies by die spacing, with the dimensions ``dim`` and ``law``.
     abscissa : str
-        Coordinate to draw against.
+        Coordinate on the horizontal axis.
     """
     with _figure(file, 1, len(studies), (11, 3.4), sharey=True) as axes:
         for ax, (spacing, study) in zip(axes[0], studies.items(), strict=True):
@@ -68,7 +68,7 @@ def plate_curves(studies: Mapping[float, xr.Dataset], dim: str, abscissa: str, l
 
 
 def peak_positions(peaks_by_law: Mapping[str, Mapping[float, CurveMaximum]], file: Path) -> None:
-    """Height of the peak against die spacing, by emission law."""
+    """Plot the height of the curve's peak against die spacing, for each emission law."""
     with _figure(file, 1, 1, (6, 4)) as axes:
         ax = axes[0, 0]
         for number, (law, peaks) in enumerate(peaks_by_law.items()):
@@ -83,7 +83,7 @@ def peak_positions(peaks_by_law: Mapping[str, Mapping[float, CurveMaximum]], fil
 
 
 def normal_curves(studies: Mapping[str, xr.Dataset], file: Path) -> None:
-    """Fig. 9 for all shapes: power of the nine taxels against normal force."""
+    """Plot Fig. 9 of the paper for all cell shapes: power of the nine taxels against normal force."""
     with _figure(file, 2, 2, (10, 7), sharex=True) as axes:
         for ax, (cell, study) in zip(axes.flat, studies.items(), strict=True):
             forces, smooth = _curves(study, "fz")
@@ -108,9 +108,10 @@ def normal_curves(studies: Mapping[str, xr.Dataset], file: Path) -> None:
 def tangential_curves(
     nominal: Mapping[str, Mapping[str, xr.Dataset]], beyond: Mapping[str, Mapping[str, xr.Dataset]] | None, file: Path
 ) -> None:
-    """Change of power at -8 N against tangential force, of a corner taxel and the centre taxel.
+    """Plot the change of power of a corner taxel and the centre taxel against tangential force, at -8 N.
 
-    Curves beyond the paper's limits are dashed, and start at the change reached there: their meshes may be coarser."""
+    Curves beyond the paper's limits are dashed. They start at the change reached there, because their meshes may be
+    coarser."""
     paths = ("fx", "fy", "resultant")
     with _figure(file, len(paths), len(nominal), (12, 8), sharex=True) as axes:
         for column, (cell, studies) in enumerate(nominal.items()):
@@ -136,7 +137,8 @@ def tangential_curves(
 
 
 def diagonal_maps(nominal: Mapping[str, Mapping[str, xr.Dataset]], roofs: Mapping[str, xr.Dataset], file: Path) -> None:
-    """Fig. 10: movement of the roofs and change of the powers, with 8 N along the secondary diagonal at -8 N."""
+    """Plot Fig. 10 of the paper: displacement of the roofs and change of the powers by 8 N along the secondary
+    diagonal, at -8 N."""
     with _figure(file, 2, len(nominal), (12, 5.4)) as axes:
         for column, (cell, studies) in enumerate(nominal.items()):
             tops = 1e3 * (roofs[cell].diagonal - roofs[cell].normal).values
@@ -159,12 +161,13 @@ def diagonal_maps(nominal: Mapping[str, Mapping[str, xr.Dataset]], roofs: Mappin
 def sensitivities(
     ours: Mapping[str, Mapping[str, Sensitivity]], expected: Mapping[str, Mapping[str, EmulatedSlope]], file: Path
 ) -> None:
-    """Table 1 as a picture: the paper, ours, and what 60 000 counted rays would have given.
+    """Plot Table 1: sensitivities of the paper, sensitivities of this program, and those that 60 000 counted rays would
+    give.
 
     Parameters
     ----------
     ours, expected : Mapping[str, Mapping[str, Sensitivity]] and Mapping[str, Mapping[str, EmulatedSlope]]
-        By ``normal`` and ``tangential``, then by shape.
+        Sensitivities of this program and of counted rays, by ``normal`` and ``tangential``, then by cell shape.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
     with _figure(file, 1, 2, (10, 4), sharey=True) as axes:
@@ -192,12 +195,13 @@ def sensitivities(
 
 
 def choices(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file: Path) -> None:
-    """Sensitivities under each choice (rows), normal and tangential, of the four shapes, and the paper's.
+    """Plot the normal and tangential sensitivities of the four cell shapes under each choice (rows), and those of the
+    paper.
 
     Parameters
     ----------
     found : Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]
-        By choice, then ``normal`` and ``tangential``, then shape.
+        Sensitivities by choice, then ``normal`` and ``tangential``, then cell shape.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
     rows, ticks = np.arange(len(tables)), (10, 100, 1000, 10_000)
@@ -225,14 +229,14 @@ def choices(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file:
 def repetitions(
     counted: Mapping[str, np.ndarray], drawn: Mapping[str, np.ndarray], true: Mapping[str, float], file: Path
 ) -> None:
-    """Maximum slopes of the centre taxel in repetitions of the paper's procedure, compared with the true one.
+    """Plot the maximum slopes of the centre taxel in repetitions of the paper's procedure, and the true maximum slope.
 
     Parameters
     ----------
     counted, drawn : Mapping[str, ndarray]
-        Maximum slopes in W/N by shape, of repetitions with counted rays and of binomial counts.
+        Maximum slopes in W/N by cell shape, from repetitions with counted rays and from binomial counts.
     true : Mapping[str, float]
-        Maximum slopes in W/N.
+        True maximum slopes in W/N, by cell shape.
     """
     with _figure(file, 2, 2, (10, 6)) as axes:
         for ax, (cell, slopes) in zip(axes.flat, counted.items(), strict=True):

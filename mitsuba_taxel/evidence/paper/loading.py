@@ -1,4 +1,4 @@
-"""The pad under load: the paper's Figs. 9 and 10 and Table 1, for all four shapes."""
+"""The pad under load: the paper's Figs. 9 and 10 and Table 1, for all four cell shapes."""
 
 from __future__ import annotations
 
@@ -25,13 +25,15 @@ PATHS = ("fz", "fx", "fy", "resultant")
 
 
 def nominal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
-    """Readings of nine taxels along the four load paths of the paper, by the path's dimension in :data:`PATHS`."""
+    """Compute readings of nine taxels along the four load paths of the paper; the keys are the names of the paths in
+    :data:`PATHS`."""
     paths = {"fz": normal(store, cell), "fx": along_x(store, cell), "fy": along_y(store, cell)}
     return {**paths, "resultant": along_diagonal(store, cell)}
 
 
 def normal(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Readings under normal forces, with forces, mesh and light paths chosen for the targets."""
+    """Compute readings under normal forces. Force steps, mesh and number of light paths are chosen for target
+    errors."""
     targets: dict[str, Any] = {"target_error": TARGET_ERROR, "target_slope": TARGET_SLOPE}
     vary = {"fz": f"0:{-paper.NORMAL_FORCE}"}
     return store.study(
@@ -40,12 +42,13 @@ def normal(store: PaperStudies, cell: str) -> xr.Dataset:
 
 
 def along_x(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Readings under tangential forces along x, with the settings of :func:`normal` as far as slopes allow."""
+    """Compute readings under tangential forces along x, with the settings of :func:`normal` if the errors of the slopes
+    allow it."""
     return _along_side(store, cell, "fx", settings_of(normal(store, cell)))
 
 
 def along_y(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Readings under tangential forces along y, with the settings of :func:`along_x`."""
+    """Compute readings under tangential forces along y, with the settings of :func:`along_x`."""
     return _along_side(store, cell, "fy", settings_of(along_x(store, cell)))
 
 
@@ -59,7 +62,7 @@ def _along_side(store: PaperStudies, cell: str, path: str, settings: dict[str, A
 
 
 def along_diagonal(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Readings over the magnitude of a tangential force along the secondary diagonal."""
+    """Compute readings under tangential forces along the secondary diagonal, over the magnitude of the force."""
     forces = np.linspace(0, paper.TANGENTIAL_LIMIT[cell], DIAGONAL_POINTS)
     settings = settings_of(along_x(store, cell))
     return _tangential(store, f"nominal/{cell}_resultant", cell, "resultant", forces, settings)
@@ -72,10 +75,11 @@ def settings_of(study: xr.Dataset) -> dict[str, Any]:
 
 
 def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
-    """The tangential paths beyond the paper's limits, in steps of 1 N, to the end of the load path.
+    """Compute readings on the tangential load paths beyond the paper's limits, in steps of 1 N, up to the end of each
+    path.
 
-    Mesh and number of light paths are those of :func:`normal`, which is computed if missing; the readings below the
-    limits may use a finer mesh and more paths. The attribute ``failures`` of each study gives the reason why its path
+    Mesh and number of light paths are those of :func:`normal`, which is computed if missing; readings below the limits
+    may use a finer mesh and more paths. The attribute ``failures`` of each study gives the reason why its load path
     ends; its first line is the first failure.
     """
     settings = settings_of(normal(store, cell))
@@ -90,7 +94,7 @@ def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
 def _tangential(
     store: PaperStudies, name: str, cell: str, path: str, forces: np.ndarray, settings: dict[str, Any]
 ) -> xr.Dataset:
-    """Readings at tangential forces, by their resultant in N, under the paper's normal force."""
+    """Compute readings under tangential forces, over their resultant in N, at the paper's normal force."""
 
     def compute() -> xr.Dataset:
         if path != "resultant":
@@ -109,9 +113,11 @@ def _pressed(cell: str) -> dict[str, Any]:
 
 
 def roof_heights(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Displacement along z of the top of each cell in mm, at -8 N and with 8 N along the secondary diagonal.
+    """Compute the displacement along z of the roof of each cell in mm, at -8 N without and with 8 N along the secondary
+    diagonal.
 
-    ``normal`` and ``diagonal``, over ``taxel``, on the mesh of the readings along the diagonal.
+    The dataset has the variables ``normal`` and ``diagonal`` over ``taxel``. The mesh is that of
+    :func:`along_diagonal`.
     """
     mesh_size = settings_of(along_diagonal(store, cell))["mesh_size"]
 

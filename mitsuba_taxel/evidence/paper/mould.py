@@ -1,4 +1,4 @@
-"""The pads of the experiments, 6 x 2 cells, with the steps of a printed mould and with walls that are not ideal."""
+"""The pads of the experiments, with 6 x 2 cells, the layer steps of a printed mould, and walls that are not ideal."""
 
 from __future__ import annotations
 
@@ -53,16 +53,16 @@ under it."""
 
 
 class Change(NamedTuple):
-    """A change of the assembly, beside the walls.
+    """A change of the assembly or the load, in addition to the walls.
 
     Attributes
     ----------
     shift : tuple[float, float, float]
-        Shift of all packages in mm.
+        Shift (x, y, z) of all packages, in mm.
     load : str
-        Parameters of the load, as elements of a scene.
+        Parameters of the load, as XML elements of a scene.
     tangential : tuple[str, ...]
-        Tangential forces that are computed.
+        Names of the tangential forces for which readings are computed.
     """
 
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -87,7 +87,7 @@ CHANGES = {
 
 @dataclass(frozen=True)
 class MouldWalls:
-    """Shape of the cells and walls of a pad.
+    """A pad of the experiments: shape of its cells, mould and walls.
 
     Attributes
     ----------
@@ -98,13 +98,13 @@ class MouldWalls:
     direction : str
         Print direction, a key of `DIRECTIONS`; empty for a smooth mould.
     roof : str
-        Key of `MORE_ROOFS`.
+        Scattering of the roofs, a key of `MORE_ROOFS`.
     side : float
-        Reflectance of the sides.
+        Reflectance of the side walls.
     change : str
-        Key of `CHANGES`.
+        Change of the assembly, a key of `CHANGES`.
     pad : str
-        Key of `PADS`.
+        Numbers of cells, a key of `PADS`.
     """
 
     cell: str
@@ -117,7 +117,7 @@ class MouldWalls:
 
     @property
     def share(self) -> float:
-        """Force on the pad relative to that on 6 x 2 cells."""
+        """Force on the pad, relative to the force on a pad of 6 x 2 cells."""
         return math.prod(PADS[self.pad]) / math.prod(PADS[PAD])
 
     @property
@@ -127,13 +127,13 @@ class MouldWalls:
 
     @property
     def folder(self) -> str:
-        """Folder of the studies, within that of the rerun."""
+        """Folder of the studies of this pad, relative to the folder of the rerun."""
         words = f"{self.cell} {self.mould} {self.roof} sides {self.side:g} {self.change} {self.pad}"
         return "mould/" + "_".join(words.replace(",", "").split())
 
     @property
     def finish(self) -> str:
-        """Parameters of the finish, as elements of a scene."""
+        """Parameters of the finish, as XML elements of a scene."""
         if not self.layer:
             return ""
         return (
@@ -142,12 +142,12 @@ class MouldWalls:
         )
 
     def scene(self, rows: range, columns: range) -> str:
-        """The scene in which the cells of some rows and columns are read.
+        """The scene of the pad, with photo-reflectors in some rows and columns of cells only.
 
         Parameters
         ----------
         rows, columns : range
-            Numbers from 0; rows from +y, columns from -x.
+            Numbers of the rows and columns that are read, from 0; rows count from +y, columns from -x.
 
         Returns
         -------
@@ -173,10 +173,11 @@ class MouldWalls:
 
 
 def design() -> Iterator[MouldWalls]:
-    """Smooth white roofs and black sides, one factor at a time around them, and some combinations of extremes.
+    """Experimental design: smooth white roofs and black sides, variations of one factor at a time, and some
+    combinations of extremes.
 
-    Changes of the assembly are factors too. All rows are computed for one cell, and those with the largest effects for
-    whole pads.
+    Changes of the assembly are factors, too. All variations are computed for a pad of one cell, and those with the
+    largest effects for whole pads as well.
     """
     smooth = MouldWalls("", pad=CELL)
     every, round_cells = tuple(paper.MEASURED_NORMAL), ("spherical", "hemispheric")
@@ -209,8 +210,8 @@ def design() -> Iterator[MouldWalls]:
 
 
 def rest() -> Iterator[MouldWalls]:
-    """The combinations of shape, mould, roof and sides for whole pads that :func:`design` leaves out, black sides
-    first."""
+    """The combinations of cell shape, mould, roof and sides of whole pads that :func:`design` omits; those with black
+    sides come first."""
     moulds = [(layer, direction) for layer in LAYERS for direction in (DIRECTIONS if layer else ("",))]
     done = set(design())
     for side, roof, (layer, direction), cell in product(SIDES, ROOFS, moulds, paper.MEASURED_NORMAL):
@@ -222,20 +223,20 @@ def rest() -> Iterator[MouldWalls]:
 def moulds(
     store: PaperStudies, workers: int | None, walls: Iterator[MouldWalls]
 ) -> dict[MouldWalls, dict[str, xr.Dataset]]:
-    """Readings by walls and force (fz, fx, fy).
+    """Compute readings of pads, by pad and then by force (fz, fx, fy).
 
-    Under a normal force, the pad and its load are symmetric about y = 0: the taxels of one half are read. Under
-    tangential forces, which are computed for whole pads only, after the normal forces of all rows, the most sensitive
-    of them is read.
+    Under a normal force, the pad and its load are symmetric about y = 0, and the taxels of one half are read.
+    Tangential forces are computed for whole pads only, after the normal forces of all pads; the most sensitive taxel
+    under the normal force is read.
 
     Parameters
     ----------
     store : PaperStudies
-        If it computes nothing, the result has only the studies that are complete.
+        Store of the studies. If it is read-only, the result has only the pads whose studies are complete.
     workers : int or None
         Number of worker processes; None for this one.
     walls : Iterator[MouldWalls]
-        Rows, as of :func:`design` or :func:`rest`.
+        Pads, from :func:`design` or :func:`rest`.
 
     Raises
     ------
@@ -293,16 +294,16 @@ def _load(
 
 
 class MouldFigures(NamedTuple):
-    """Figures of merit of a pad, each a value and its error; NaN if it is not computed.
+    """Figures of merit of a pad, each a value and its error; NaN if not computed.
 
     Attributes
     ----------
     least, most : tuple[float, float]
-        Mean slope of the least and the most sensitive taxel under a normal force, W/N, as in Table 2.
+        Mean slopes of the least and of the most sensitive taxel under a normal force, W/N, as in Table 2.
     nonlinearity : tuple[float, float]
-        Equation 7 for the most sensitive taxel, in percent, as in Table 4.
+        Nonlinearity (equation 7) of the most sensitive taxel, in percent, as in Table 4.
     along_x, along_y : tuple[float, float]
-        Mean slope of that taxel under tangential forces, W/N, as in Table 3.
+        Mean slope of the most sensitive taxel under tangential forces, W/N, as in Table 3.
     taxel : int
         Number of the most sensitive taxel.
     """
@@ -315,29 +316,29 @@ class MouldFigures(NamedTuple):
     taxel: int
 
     def numbers(self) -> dict[str, tuple[float, float]]:
-        """Values and errors by name."""
+        """All values and errors as numbers, by name."""
         return {name: pair for name, pair in self._asdict().items() if name != "taxel"}
 
 
 def most_sensitive(study: xr.Dataset) -> int:
-    """Number of the taxel with the largest mean slope under the varied force."""
+    """Number of the taxel with the largest mean slope under the force of a study."""
     return int(_table(study).xs("mean_slope")["value"].abs().idxmax())
 
 
 def mould_figures(studies: Mapping[str, xr.Dataset], share: float = 1.0) -> MouldFigures:
-    """Figures of merit of a pad as the paper defines them.
+    """Compute the figures of merit of a pad as the paper defines them.
 
     Parameters
     ----------
     studies : Mapping[str, xr.Dataset]
-        Studies by force, as of :func:`moulds`.
+        Studies by force, from :func:`moulds`.
     share : float
-        Force on the pad relative to that on 6 x 2 cells, to whose force the slopes refer.
+        Force on the pad relative to that on 6 x 2 cells. The resulting slopes are per newton on 6 x 2 cells.
 
     Returns
     -------
     MouldFigures
-        Slopes are positive where readings rise with compression, or with the tangential force.
+        Figures of merit. Slopes are positive where readings rise with compression, or with the tangential force.
     """
     tables = {force: _table(study) for force, study in studies.items()}
     normal = tables["fz"].xs("mean_slope").sort_values("value", key=abs)
@@ -358,6 +359,6 @@ def _pair(row: pd.Series, factor: float = 1.0) -> tuple[float, float]:
 
 
 def _table(study: xr.Dataset) -> pd.DataFrame:
-    """Value and error by figure of merit and taxel."""
+    """Table of the value and error of each figure of merit and taxel."""
     simulated = simulated_experiments(study)
     return characteristics(simulated.experiments, simulated.off).set_index(["figure", "taxel"])[["value", "error"]]

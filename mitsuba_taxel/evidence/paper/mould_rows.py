@@ -1,4 +1,4 @@
-"""Figures of merit of pads with printed moulds, as rows of a CSV file from which the page can be written again."""
+"""Figures of merit of pads with printed moulds, stored in a CSV file, from which the page can be rewritten."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from mitsuba_taxel.evidence.rows.row_files import read_rows, write_rows
 
 @dataclass(frozen=True)
 class MouldRow:
-    """Walls of a pad, and its figures of merit; for their meanings and units see `MouldWalls` and `MouldFigures`."""
+    """A row of the CSV file: a pad and its figures of merit. Meanings and units are those of `MouldWalls` and
+    `MouldFigures`."""
 
     case: str
     cell: str
@@ -37,12 +38,12 @@ class MouldRow:
 
 
 def write_mould_rows(figures: Mapping[MouldWalls, MouldFigures], file: Path) -> None:
-    """Write figures of merit, in full precision.
+    """Write figures of merit to a CSV file in full precision.
 
     Parameters
     ----------
     figures : Mapping[MouldWalls, MouldFigures]
-        Figures of merit by walls.
+        Figures of merit by pad.
     file : Path
         CSV file, which is replaced.
     """
@@ -56,7 +57,7 @@ def write_mould_rows(figures: Mapping[MouldWalls, MouldFigures], file: Path) -> 
 
 
 def read_mould_rows(file: Path) -> dict[MouldWalls, MouldFigures]:
-    """Read a file of :func:`write_mould_rows`.
+    """Read a CSV file that :func:`write_mould_rows` wrote.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ def read_mould_rows(file: Path) -> dict[MouldWalls, MouldFigures]:
     Returns
     -------
     dict[MouldWalls, MouldFigures]
-        Figures of merit by walls.
+        Figures of merit by pad.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The paper's sensor optimised for several purposes, compared with its four shapes."""
+"""The paper's sensor, optimised for several purposes, compared with its four published shapes."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ least = {LEAST_RADIUS}
 
 
 def optima(store: PaperStudies, *, workers: int | None) -> dict[str, dict[str, xr.Dataset]]:
-    """Results for each purpose and shape."""
+    """Compute the optimum for each purpose and cell shape."""
     return {
         purpose: {cell: _optimum(store, purpose, cell, workers) for cell in cells} for purpose, cells in SHAPES.items()
     }
@@ -124,7 +124,8 @@ def _optimum(store: PaperStudies, purpose: str, cell: str, workers: int | None) 
 
 
 def _reach(store: PaperStudies, name: str, values: Mapping[str, float]) -> xr.Dataset:
-    """Normal force in N, at most `RANGE`, up to which the best pad touches nothing, and the reason for this limit."""
+    """Compute the normal force in N, at most `RANGE`, up to which an optimised pad touches nothing, and the reason for
+    this limit."""
     defines = {str(parameter): repr(float(value)) for parameter, value in values.items()}
 
     def compute() -> xr.Dataset:
@@ -159,7 +160,7 @@ def _study(purpose: str, cell: str) -> str:
 
 
 def write_study(folder: Path, purpose: str, cell: str) -> None:
-    """Write the scene and the study for a purpose and a shape."""
+    """Write the files of the scene and of the optimisation study for a purpose and a cell shape."""
     make_folder(folder)
     taxels = PURPOSES[purpose][0]
     reflectors = "".join(_REFLECTOR.format(x=x, y=y) for x, y in map(centre_of, taxels))
@@ -183,7 +184,7 @@ def write_study(folder: Path, purpose: str, cell: str) -> None:
 
 
 def _dataset(optimum: Any) -> xr.Dataset:
-    """Tables of an ``Optimum`` as variables, and its numbers as attributes."""
+    """Convert an ``Optimum`` to a dataset: its tables become variables, and its numbers attributes."""
     variables = {}
     for name in TABLES:
         for column in getattr(optimum, name):
@@ -201,11 +202,11 @@ def _dataset(optimum: Any) -> xr.Dataset:
 
 
 def _descents(optimum: Any) -> dict[str, tuple[str, np.ndarray]]:
-    """Figures of each descent.
+    """Summarise each descent of an ``Optimum``.
 
-    They are the number of its designs without the initial ones, and of failed designs; the seconds of all designs; the
-    best allowed objective; and the number of designs until the descent came within 1 % of the best of all descents, NaN
-    if it did not."""
+    The variables are the number of its designs, without initial designs; the number of failed designs; the seconds of
+    all designs; the best allowed objective; and the number of designs until the objective was within 1 % of the best of
+    all descents, NaN if it never was."""
     history, goal = optimum.history, optimum.figures.figure[0].split(" ", 1)[1]
     sign = -1 if optimum.figures.figure[0].startswith("maximise") else 1
     loss = sign * history[goal].where(history.allowed == True)  # noqa: E712  (others are missing)

@@ -1,5 +1,6 @@
-"""Data of the paper: Cirillo et al., Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile
-Sensor. Forces are in N, lengths in mm, sensitivities in W/N (simulated) or V/N (measured)."""
+"""Numbers published in the paper: Cirillo et al., Multiphysics Simulation for the Optimization of an
+Optoelectronic-Based Tactile Sensor. Forces are in N, lengths in mm, sensitivities in W/N (simulated) or V/N
+(measured)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of a rerun on disk: one NetCDF file per study, computed once."""
+"""Store of a rerun's studies on disk: a NetCDF file for each study, which is computed once."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from mitsuba_taxel.studies.store.netcdf import read_netcdf, write_netcdf
 
 
 class MissingStudy(LookupError):
-    """A study is missing, and may not be computed."""
+    """Error: a study is missing, and the store is read-only."""
 
 
 class PaperStudies:
-    """Studies by name, such as ``nominal/hemispheric_fz``, in the folder of a rerun.
+    """Store of studies in the folder of a rerun, by names such as ``nominal/hemispheric_fz``.
 
     Parameters
     ----------
     folder : Path
-        Created if missing.
+        Folder of the rerun, which is created if it does not exist.
     announce : Callable[[str], None], optional
-        Called with the name of a study before it is computed; without it, none is computed.
+        Called with the name of a study before it is computed. Without it, the store is read-only: no study is computed.
 
     Attributes
     ----------
     seconds : dict[str, float]
-        Time of the studies computed so far, by stage, summed over processes.
+        Computing time in s of the studies computed so far, by stage, summed over processes.
     """
 
     def __init__(self, folder: Path, announce: Callable[[str], None] | None = None) -> None:
@@ -43,19 +43,20 @@ class PaperStudies:
         self.seconds: dict[str, float] = {}
 
     def study(self, name: str, request: Mapping[str, Any], compute: Callable[[], xr.Dataset]) -> xr.Dataset:
-        """The study called ``name``: from its file, or computed and stored atomically.
+        """Read a study from its file, or compute it and store it atomically.
 
         Parameters
         ----------
         request : Mapping[str, Any]
-            Settings of the study, fit for JSON; stored as an attribute, with its ``wall_seconds``.
+            Settings of the study, as JSON values. They are stored as an attribute, together with the time
+            ``wall_seconds``.
 
         Raises
         ------
         InputError
-            if the file belongs to a study with other settings.
+            if the file is of a study with other settings.
         MissingStudy
-            if there is no file, and the store is read-only.
+            if there is no file and the store is read-only.
         """
         file, request_text = self.folder / f"{name}.nc", json.dumps(request, sort_keys=True)
         if file.is_file():
@@ -78,6 +79,6 @@ class PaperStudies:
 
 
 def add_seconds(totals: dict[str, float], more: Mapping[str, float]) -> None:
-    """Add seconds by stage to others."""
+    """Add the seconds of each stage in ``more`` to ``totals``."""
     for stage, seconds in more.items():
         totals[stage] = totals.get(stage, 0.0) + seconds

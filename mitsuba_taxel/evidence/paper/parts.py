@@ -1,4 +1,4 @@
-"""The parts of a rerun: computation, selection, and completeness."""
+"""The parts of a rerun: how they are computed and selected, and which are complete."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ OF_SHAPES: dict[str, ShapePart] = {
 
 
 def _stages(names: Sequence[str]) -> list[list[ShapePart]]:
-    """Computations of parts for one shape, ordered in stages that depend only on earlier ones."""
+    """The computations for one cell shape, ordered in stages that depend on earlier stages only."""
     independent = [computation for name, computation in OF_SHAPES.items() if name in names and name != "nominal"]
     stages: list[list[ShapePart]] = []
     if set(names) - {"analog"}:
@@ -62,7 +62,8 @@ GROUPS = {"optics": ("fig4", "fig5", "fig6", "peak"), "nominal": ("nominal", "ro
 
 
 def chosen(only: str | None) -> list[str]:
-    """Names of the parts selected by a comma-separated list of parts and groups; without one, all but `BY_NAME_ONLY`.
+    """Resolve a comma-separated list of parts and groups to names of parts. Without a list, all parts are selected
+    except `BY_NAME_ONLY`.
 
     Raises
     ------
@@ -83,18 +84,23 @@ def chosen(only: str | None) -> list[str]:
 def compute(
     folder: Path, names: Sequence[str], workers: int | None, announce: Callable[[str], None]
 ) -> dict[str, float]:
-    """Compute missing studies of the parts called ``names`` and store them in ``folder``.
+    """Compute the missing studies of some parts, and store them in a folder.
 
     Parameters
     ----------
+    folder : Path
+        Folder of the rerun.
+    names : sequence of str
+        Names of the parts.
     workers : int or None
-        Number of worker processes; parts of all shapes are distributed over them by shape.
+        Number of worker processes. Each computes one cell shape at a time.
     announce : Callable[[str], None]
         Called with the name of each study before it is computed, in the process that computes it.
 
     Returns
     -------
-    Seconds that the studies took by stage, summed over processes.
+    dict[str, float]
+        Seconds that the studies took, by stage, summed over processes.
     """
     store = PaperStudies(folder, announce)
     of_shapes = [name for name in names if name in OF_SHAPES]
@@ -106,7 +112,7 @@ def compute(
 
 
 def complete(folder: Path) -> dict[str, Any]:
-    """The studies of every part that is complete in ``folder``, by the name of the part."""
+    """Read the studies of all parts that are complete in ``folder``, by the name of the part."""
     store, studies = PaperStudies(folder), {}
     for name, computation in PARTS.items():
         try:

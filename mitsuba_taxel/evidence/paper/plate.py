@@ -1,4 +1,4 @@
-"""The photo-reflector under a mirror plate: Figs. 4 to 6, and the peak of the curve over height."""
+"""The photo-reflector under a mirror plate: Figs. 4 to 6 of the paper, and the peak of the reading over height."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ NEAR_PEAK = 0.8
 
 
 class CurveMaximum(NamedTuple):
-    """Position of a curve's maximum, with its standard error from the replicates."""
+    """Position of a curve's maximum in mm, and its standard error from the replicates."""
 
     at: float
     error: float
 
 
 def heights(store: PaperStudies, workers: int | None) -> dict[float, xr.Dataset]:
-    """Fig. 4 by die spacing: readings over height z and emission law.
+    """Compute the studies of Fig. 4, by die spacing: readings over the height z of the plate and the emission law.
 
-    At z = 0 the plate lies on the faces and no light passes between them; the first height is one step above.
+    At z = 0, the plate lies on the dies and no light passes between them; the first height is one step above.
     """
     vary = {"z": f"{paper.HEIGHT_STEP}:{paper.LARGEST_HEIGHT}:{paper.HEIGHT_STEP}", "law": LAWS}
     return {
@@ -46,12 +46,13 @@ def heights(store: PaperStudies, workers: int | None) -> dict[float, xr.Dataset]
 
 
 def edges(store: PaperStudies, axis: str, workers: int | None) -> dict[float, xr.Dataset]:
-    """Figs. 5 (``axis`` x) and 6 (y) by die spacing: readings over offset and emission law.
+    """Compute the studies of Fig. 5 (``axis`` x) or Fig. 6 (y), by die spacing: readings over the offset of the plate
+    and the emission law.
 
-    The plate is at 0.7 mm and extends by ``PLATE`` beyond its edge. The coordinate ``edge`` is the distance of the edge
-    from the package's own edge, inwards: at 0 all of the package is covered, at 1.5 mm none is. Along x it uncovers the
-    LED first; the response to an edge from the other side is nearly the same, as light meets the mirror half-way
-    between LED and phototransistor.
+    The plate is at a height of 0.7 mm, and extends by ``PLATE`` from its edge. The coordinate ``edge`` is the distance
+    of the plate's edge from the edge of the package, inwards: at 0 the whole package is covered, at 1.5 mm nothing of
+    it. Along x, the LED is uncovered first. An edge from the other side has nearly the same effect, because light hits
+    the mirror half-way between LED and phototransistor.
     """
     distances = np.linspace(0, paper.LARGEST_EDGE_DISTANCE, 76)
     offsets = [plate_offset(axis, distance) for distance in distances]
@@ -66,12 +67,13 @@ def edges(store: PaperStudies, axis: str, workers: int | None) -> dict[float, xr
 
 
 def plate_offset(axis: str, distance: float) -> float:
-    """Position in mm of the plate's centre along an axis, if its edge is ``distance`` inside that of the package."""
+    """Position in mm of the plate's centre along an axis, if the plate's edge is ``distance`` mm inside the edge of the
+    package."""
     return round(float(distance) + (PLATE - PACKAGE[axis]) / 2, 6)
 
 
 def peak_heights(store: PaperStudies, workers: int | None) -> xr.Dataset:
-    """Readings over height, die spacing and emission law, about the peak."""
+    """Compute readings over height, die spacing and emission law, for heights around the peak."""
     vary = {"z": PEAK_HEIGHTS, "spacing": PEAK_SPACINGS, "law": LAWS}
     return _sweep(store, "peak/readings", vary, {}, workers)
 
@@ -82,15 +84,16 @@ def _sweep(store: PaperStudies, name: str, vary: dict, fixed: dict, workers: int
 
 
 def peak(height: np.ndarray, samples: np.ndarray) -> CurveMaximum:
-    """The height at which a smooth curve through readings is largest.
+    """Find the height at which a smooth curve through readings has its maximum.
 
-    A cubic in ln(height) is fitted to ln(reading) wherever the mean reading is above 80 % of the largest; the error is
-    from the jackknife over replicates, since the peak is a nonlinear function.
+    A cubic polynomial in ln(height) is fitted to ln(reading) where the mean reading is above 80 % of the largest. The
+    error is from the jackknife over replicates, because the position of the peak is a nonlinear function of the
+    readings.
 
     Parameters
     ----------
     height : (H,) ndarray
-        Heights in mm, increasing.
+        H increasing heights in mm.
     samples : (H, replicates) ndarray
         Readings in W.
     """
@@ -114,7 +117,7 @@ def _largest(x: np.ndarray, y: np.ndarray) -> float:
 
 
 def peaks(study: xr.Dataset) -> dict[str, dict[float, CurveMaximum]]:
-    """Height of the peak for each law and die spacing; NaN if outside the heights."""
+    """Height of the peak for each emission law and die spacing; NaN if it is outside the range of heights."""
     peaks_by_law = {}
     for law in study.law.values:
         curves = study.replicate_power.sel(law=law, taxel=1).transpose("spacing", "z", "replicate")
@@ -126,9 +129,11 @@ def peaks(study: xr.Dataset) -> dict[str, dict[float, CurveMaximum]]:
 
 
 def spacing_for(peaks_by_spacing: dict[float, CurveMaximum], height: float) -> CurveMaximum:
-    """The die spacing with its peak at ``height``, and its error; NaN if there is none in range.
+    """Find the die spacing whose peak is at ``height`` mm, and its error; NaN if there is none in the range of
+    spacings.
 
-    The root of a monotone cubic through the peaks; its error is that of a nearby peak over the slope there.
+    The result is the root of a monotone cubic interpolation of the peaks. Its error is that of a neighbouring peak
+    divided by the slope at the root.
     """
     finite = {spacing: position for spacing, position in peaks_by_spacing.items() if np.isfinite(position.at)}
     if len(finite) < 2:
@@ -144,7 +149,7 @@ def spacing_for(peaks_by_spacing: dict[float, CurveMaximum], height: float) -> C
 
 
 def normalised(study: xr.Dataset, dim: str) -> tuple[xr.DataArray, xr.DataArray]:
-    """Readings of taxel 1 over their largest along ``dim``, and the standard error from replicates."""
+    """Readings of taxel 1 divided by their maximum along ``dim``, and their standard errors from the replicates."""
     samples = study.replicate_power.sel(taxel=1)
     largest = samples.mean("replicate").max(dim)
     shares = samples / largest

@@ -1,4 +1,4 @@
-"""The paper's sensor as a scene on disk, with every choice that the paper leaves open as a parameter."""
+"""The paper's sensor as a scene file; every choice that the paper leaves open is a parameter."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _REFLECTOR = """
 
 
 def scene_text(name: str) -> str:
-    """A scene of the folder ``scene_files``, with names in braces where ``format`` puts numbers."""
+    """Text of a scene in the folder ``scene_files``; names in braces are placeholders for `str.format`."""
     return (Path(__file__).with_name("scene_files") / f"{name}.xml").read_text(encoding="utf-8")
 
 
 def write_scene(file: Path, taxels: Sequence[int]) -> None:
-    """Write the scene with photo-reflectors only in the cells ``taxels``, read in this order."""
+    """Write the scene with photo-reflectors in the cells ``taxels`` only, in the order of their readings."""
     reflectors = "".join(_REFLECTOR.format(x=x, y=y) for x, y in map(centre_of, taxels))
     cells = ", ".join(map(str, taxels))
     c10 = moduli(POISSON_RATIO)["c10"]
@@ -48,12 +48,13 @@ def write_scene(file: Path, taxels: Sequence[int]) -> None:
 
 
 def centre_of(taxel: int) -> tuple[float, float]:
-    """Centre of the cell of a taxel, in mm."""
+    """Position (x, y) of the centre of a taxel's cell, in mm."""
     row, column = divmod(taxel - 1, 3)
     return (column - 1) * PITCH, (1 - row) * PITCH
 
 
 def moduli(poisson_ratio: float, share_of_c01: float = 0.0) -> dict[str, float]:
-    """Parameters of the scene for the paper's Young's modulus: c10 + c01 = mu / 2 = E / (4 (1 + nu)), in MPa."""
+    """Material parameters of the scene for the paper's Young's modulus E and a Poisson ratio nu: c10 + c01 = mu / 2 = E
+    / (4 (1 + nu)), in MPa."""
     half = YOUNGS_MODULUS / (4 * (1 + poisson_ratio))
     return {"c10": (1 - share_of_c01) * half, "c01": share_of_c01 * half, "poisson_ratio": poisson_ratio}

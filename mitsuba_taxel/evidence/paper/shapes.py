@@ -1,4 +1,4 @@
-"""Concurrent computation of the paper's four shapes, in stages that determine the settings of the next."""
+"""Concurrent computation of the paper's four cell shapes. Each stage determines the settings of the next."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ ShapePart = Callable[[PaperStudies, str], Any]
 def compute_shapes(
     folder: Path, stages: Sequence[Sequence[ShapePart]], workers: int, announce: Callable[[str], None]
 ) -> dict[str, float]:
-    """Compute missing studies of parts, in at most ``workers`` processes.
+    """Compute the missing studies of all cell shapes, in at most ``workers`` processes.
 
     Parameters
     ----------
     stages : Sequence[Sequence[ShapePart]]
-        Parts that depend only on earlier stages of the same shape; must be picklable.
+        Computations of each stage, which depend on earlier stages of the same shape only. They must be picklable.
     announce : Callable[[str], None]
-        See :class:`PaperStudies`; must be picklable.
+        See :class:`PaperStudies`. It must be picklable.
 
     Returns
     -------
-    Time of the studies in s by stage, summed over processes.
+    dict[str, float]
+        Computing time of the studies in s, by stage, summed over processes.
 
     Raises
     ------
     InputError, ComputationError
-        the first error of a part, which ends all others; or if a process died.
+        the first error of a computation, which ends all others; or if a process died.
     """
     count = min(workers, MOST_AT_ONCE)
     executor = processes.start(count, sharing=count)

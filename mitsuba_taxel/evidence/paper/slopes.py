@@ -1,4 +1,4 @@
-"""Slopes of readings against force, and smooth curves through them."""
+"""Slopes of readings over force, and smooth curves through readings."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from mitsuba_taxel.characterise.load_lines import load_lines, runs
 
 
 class Sensitivity(NamedTuple):
-    """Slopes of the readings of one study along one force, in W/N, with their total errors (1 sigma).
+    """Sensitivities of one study along one force, in W/N, with their total errors (1 sigma).
 
     Attributes
     ----------
     max_slope : float
         Largest magnitude of the slope over all taxels and forces.
-        at, taxel : float, int
-            Force in N and number of the taxel with that slope.
+    at, taxel : float, int
+        Force in N and number of the taxel with the largest slope.
     mean_slope : float
-        Mean slope from the first force to the last, of the taxel for which it is largest in magnitude, with its sign.
+        Mean slope from the first force to the last, with its sign, of the taxel for which it is largest in magnitude.
     """
 
     max_slope: float
@@ -36,10 +36,10 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
-    """The paper's sensitivity, the maximum slope of all curves, and the mean slope.
+    """Compute the sensitivity as the paper defines it (the maximum slope of all taxels), and the mean slope.
 
-    Slopes are those of the cubic curves through readings without random numbers and their derivatives. If there are no
-    derivatives, slopes are differences between successive forces.
+    If readings were computed without random numbers, slopes are those of the cubic curves through readings and their
+    derivatives. If there are no derivatives, slopes are differences between successive forces.
     """
     slopes = characterise.sensitivity(study, force)
     steepest = slopes.isel(taxel=int(np.abs(slopes.max_slope.values).argmax()))
@@ -55,22 +55,22 @@ def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
 
 
 def slope_share(study: xr.Dataset) -> float:
-    """Largest error of a derivative with respect to a force, relative to that of the steepest taxel at the same
-    force."""
+    """Largest error of a derivative with respect to a force, relative to the derivative of the steepest taxel at the
+    same force."""
     return float((study.derivative_error.max("taxel") / np.abs(study.derivative).max("taxel")).max())
 
 
 class ForceCurves(NamedTuple):
-    """Readings against a force in N, from the least to the largest.
+    """Curves of readings over a force in N, in increasing order.
 
     Attributes
     ----------
     power : Callable[[ndarray], ndarray]
-        (F, taxels) in W at forces (F,).
+        Returns the readings (F, taxels) in W at F forces (F,).
     force : (N,) ndarray
-        Forces with derivatives.
+        The N forces at which derivatives were computed.
     slope_error : (N, taxels) ndarray
-        One standard deviation of the curves' slopes there, in W/N.
+        One standard deviation of the curves' slopes at these forces, in W/N.
     """
 
     power: Callable[[np.ndarray], np.ndarray]
@@ -79,12 +79,12 @@ class ForceCurves(NamedTuple):
 
 
 def curves(study: xr.Dataset, force: str) -> ForceCurves:
-    """The cubic curves through readings without random numbers and their derivatives.
+    """Interpolate readings without random numbers and their derivatives by cubic curves.
 
     Raises
     ------
     ComputationError
-        if derivatives are missing, with the study's first note.
+        if derivatives are missing; the message contains the study's first note.
     """
     from scipy.interpolate import CubicHermiteSpline
 
@@ -106,10 +106,10 @@ def _branch(study: xr.Dataset, force: str) -> Branch:
 
 
 def change(study: xr.Dataset, force: str, shown: float, weights: np.ndarray) -> tuple[float, float]:
-    """Change in W of a weighted sum of the taxels' readings, with ``weights`` (taxels,), from zero force to the force
-    ``shown``, and its error.
+    """Change in W of a weighted sum of the taxels' readings from zero force to the force ``shown``, and its error;
+    ``weights`` has the shape (taxels,).
 
-    The error follows from those of the slopes in between, which are taken as fully correlated between taxels.
+    The error follows from the errors of the slopes in between, which are assumed to be fully correlated between taxels.
     """
     curve = curves(study, force)
     zero, final = curve.power(np.array([0.0, shown])) @ weights

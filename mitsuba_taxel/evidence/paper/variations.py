@@ -1,4 +1,4 @@
-"""Effect on the sensitivities of the choices that the paper leaves open, one at a time and in pairs."""
+"""Effects on the sensitivities of choices that the paper leaves open, one at a time and in pairs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ROOFS = {"isotropic": "isotropic", "lambertian": "Lambertian", "mirror": "mirror
 
 @dataclass(frozen=True)
 class PaperVariation:
-    """Difference from the nominal sensor, in words and as parameters of the scene; whether it is a single choice."""
+    """A variation of the nominal sensor, in words and as parameters of the scene, and whether it is a single choice."""
 
     words: str
     values: dict[str, Any]
@@ -43,17 +43,17 @@ class PaperVariation:
 
     @property
     def cost(self) -> int:
-        """Rank that orders choices by cost: random paths take longest, then other pads."""
+        """Sort key by computing time: variations with random paths take longest, then those with other pads."""
         return 2 * (not self.has_derivatives) + ("c10" in self.values)
 
     @property
     def has_derivatives(self) -> bool:
-        """Whether readings have derivatives with respect to the force without random numbers."""
+        """Whether derivatives of the readings with respect to the force are available without random numbers."""
         return self.values.get("scattering") != "mirror"
 
 
 def choices() -> list[PaperVariation]:
-    """The nominal sensor first, then one choice at a time, then pairs: spacing and law, roof and law."""
+    """All variations: the nominal sensor, then one choice at a time, then pairs (spacing and law, roof and law)."""
     spacings = [PaperVariation(f"spacing {s:g} mm", {"spacing": s}) for s in SPACINGS if s != NOMINAL_SPACING]
     laws = [PaperVariation(f"LED {law}", {"law": law}) for law in LAWS if law != NOMINAL_LAW]
     roofs = [
@@ -72,21 +72,21 @@ def choices() -> list[PaperVariation]:
 
 
 def both(first: PaperVariation, second: PaperVariation) -> PaperVariation:
-    """Two choices combined."""
+    """Combine two variations."""
     return PaperVariation(f"{first.words}, {second.words}", first.values | second.values, single=False)
 
 
 def vary(store: PaperStudies, workers: int | None) -> dict[str, dict[str, dict[str, xr.Dataset]]]:
-    """Readings of the corner and the centre taxel, by choice (in words), shape and force (fz, fx, fy).
+    """Compute readings of the corner and the centre taxel, by variation (in words), cell shape and force (fz, fx, fy).
 
-    The elements are those of :func:`~mitsuba_taxel.evidence.paper.loading.normal`. Missing readings are computed. A
-    tangential force along y is a force along x on a sensor whose packages are turned by 90 degrees. The costliest
-    choices are computed last. If the store computes nothing, the complete choices are returned.
+    The mesh size is that of :func:`~mitsuba_taxel.evidence.paper.loading.normal`. Missing readings are computed. A
+    tangential force along y is computed as a force along x on a sensor with packages turned by 90 degrees. The
+    variations that take longest are computed last. If the store is read-only, the complete variations are returned.
 
     Raises
     ------
     MissingStudy
-        if the nominal sensor is missing.
+        if the studies of the nominal sensor are missing.
     """
     scene = store.folder / "variations" / "choices.xml"
     studies = {}

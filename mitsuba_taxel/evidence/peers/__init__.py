@@ -1,4 +1,4 @@
-"""Comparison with other programs on the same cases.
+"""Comparison of this package with other programs (peers) on the same cases.
 
-Each peer is used where it is installed. Output: ratios of times and differences of results (`taxel bench peers`).
+A peer is used if it is installed. Output: tables with times and differences of results (`taxel bench peers`).
 """

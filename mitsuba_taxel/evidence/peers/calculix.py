@@ -1,4 +1,5 @@
-"""CalculiX (`ccx`): its ten-node tetrahedron C3D10 and neo-Hookean law on our mesh, under the same nodal forces."""
+"""Solutions by CalculiX (`ccx`): its ten-node tetrahedron C3D10 and its neo-Hookean law, on the meshes of this package
+under the same nodal forces."""
 
 from __future__ import annotations
 
@@ -23,20 +24,20 @@ _JOB = "pad"
 
 @dataclass(frozen=True)
 class CalculixRun:
-    """Result of one run of the program.
+    """Result of one run of CalculiX.
 
     Attributes
     ----------
     displacement : (N, 3) ndarray
-        Displacement of each node in mm, to the seven digits that the program prints.
+        Displacement of each of N nodes in mm, with the seven digits that CalculiX prints.
     force : (3,) ndarray
-        Force in N on the moved body; NaN without a body.
+        Force in N on the indenter; NaN without an indenter.
     seconds : float
-        Wall time of the whole process: it reads the deck, solves, and writes the displacements.
+        Wall time in s of the whole process: reading the input, solving, and writing the displacements.
     increments : int
         Number of load increments.
     iterations : int
-        Iterations of Newton's method, including those of abandoned increments.
+        Number of Newton iterations, including those of abandoned increments.
     """
 
     displacement: np.ndarray
@@ -58,9 +59,10 @@ def require() -> None:
 
 
 def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> CalculixRun:
-    """Deform a pad glued to the board by a dead load spread over its undeformed top.
+    """Compute, by CalculiX, the deformation of a pad that is glued to the board, under a dead load spread over its
+    undeformed top.
 
-    Increments and tolerances are the program's defaults: the whole load at once, reduced if that fails.
+    Load increments and tolerances are the defaults of CalculiX: the whole load at once, reduced if this fails.
 
     Parameters
     ----------
@@ -69,31 +71,31 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], thread
     material : NeoHookean
         The law.
     force : sequence of float
-        (3,) total force in N.
+        Total force (Fx, Fy, Fz) in N.
     threads : int
-        Number of threads of the program.
+        Number of threads of CalculiX.
 
     Raises
     ------
     InputError
         if the material is incompressible.
     ComputationError
-        if the program ends without the whole load applied.
+        if CalculiX ends before the whole load is applied.
     """
     return run(deck(mesh, material, force), len(mesh.points), threads)
 
 
 def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
-    """Run the program.
+    """Run CalculiX on an input text.
 
     Parameters
     ----------
     text : str
-        Input of the program. It must print the displacements of the pad's nodes, and may print a total force last.
+        Input of CalculiX. It must print the displacements of the pad's nodes, and may print a total force last.
     nodes : int
         Number of these nodes.
     threads : int
-        Number of threads of the program.
+        Number of threads of CalculiX.
 
     Returns
     -------
@@ -103,7 +105,7 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
     Raises
     ------
     ComputationError
-        if the program fails.
+        if CalculiX fails.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -122,7 +124,8 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
-    """Input of the program. The order of C3D10's mid-edge nodes (12, 23, 13, 14, 24, 34) is that of our meshes."""
+    """Input text of CalculiX for :func:`solve`. The mid-edge nodes of C3D10 have the same order (12, 23, 13, 14, 24,
+    34) as in the meshes of this package."""
     load = nodal_forces(mesh, force)
     lines = pad_lines(mesh, material)
     lines += ["*STEP, NLGEOM", "*STATIC", "*CLOAD"]
@@ -132,7 +135,7 @@ def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
 
 
 def pad_lines(mesh: VolumeMesh, material: NeoHookean) -> list[str]:
-    """The part of the input before the step that holds the pad: the set PAD of nodes, and of elements."""
+    """The part of the input that defines the pad: material, and the sets PAD of nodes and of elements."""
     lines = ["*NODE, NSET=PAD", *node_lines(mesh.points, 1), "*ELEMENT, TYPE=C3D10, ELSET=PAD"]
     lines += [",".join(map(str, (n, *nodes))) for n, nodes in enumerate(mesh.tets + 1, start=1)]
     lines += ["*MATERIAL, NAME=SILICONE", "*HYPERELASTIC, NEO HOOKE"]
@@ -142,12 +145,12 @@ def pad_lines(mesh: VolumeMesh, material: NeoHookean) -> list[str]:
 
 
 def node_lines(points: np.ndarray, first: int) -> list[str]:
-    """Input lines of nodes.
+    """Input lines that define nodes.
 
     Parameters
     ----------
     points : (N, 3) ndarray
-        Positions in mm.
+        Positions of N nodes in mm.
     first : int
         Number of the first node.
     """
@@ -155,23 +158,23 @@ def node_lines(points: np.ndarray, first: int) -> list[str]:
 
 
 def read_displacement(file: Path, nodes: int) -> np.ndarray:
-    """Displacements (N, 3) in mm of nodes 1 to N, from a `.dat` file that begins with their table."""
+    """Read the displacements (N, 3) in mm of nodes 1 to N from a `.dat` file that begins with their table."""
     return np.loadtxt(file, skiprows=3, usecols=(1, 2, 3), ndmin=2, max_rows=nodes)
 
 
 def read_force(file: Path) -> np.ndarray:
-    """The total force (3,) in N that a `.dat` file ends with; NaN if it holds none."""
+    """Read the total force (3,) in N at the end of a `.dat` file; NaN if there is none."""
     _, _, total = file.read_text(encoding="utf-8").partition("total force")
     return np.array(total.split()[-3:], dtype=float) if total else np.full(3, np.nan)
 
 
 def _rows(file: Path) -> list[list[str]]:
-    """The words of each line that starts with a number."""
+    """Iterate over the lines of a file that start with a number, split into words."""
     lines = [line.split() for line in file.read_text(encoding="utf-8").splitlines()]
     return [row for row in lines if row and row[0].isdigit()]
 
 
 def _complaint(output: str) -> str:
-    """The program's first error message, on one line."""
+    """The first error message in the output of CalculiX, on one line."""
     _, _, message = output.partition("*ERROR")
     return " ".join(message.split("\n\n")[0].lstrip(": ").split()) or "it names no reason"

@@ -1,4 +1,4 @@
-"""Cases to measure: shipped scenes with values of their parameters."""
+"""Cases for comparisons with other programs: shipped scenes with values of their parameters."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Estimator = Callable[[int, int], np.ndarray]
 
 
 class UnsupportedCase(Exception):
-    """A system does not support a case, for the reason in the message."""
+    """Error: a program does not support a case; the message has the reason."""
 
 
 @dataclass(frozen=True)
 class PeerCase:
-    """A shipped scene with values for its parameters; lengths in mm, forces in N.
+    """A shipped scene with values of its parameters; lengths in mm, forces in N.
 
-    ``exponent`` is that of the phototransistor's response, a power of the cosine; 1 is ideal.
+    ``exponent`` is the power of the cosine in the phototransistor's response; 1 is ideal.
     """
 
     name: str
@@ -38,18 +38,18 @@ class PeerCase:
     exponent: float = 1
 
     def require_ideal(self) -> None:
-        """Raise if a peer without angular responses does not support the case."""
+        """Raise `UnsupportedCase` if the phototransistor is not ideal, for programs without angular responses."""
         if self.exponent != 1:
             raise UnsupportedCase("the phototransistor's angular response was not modelled for it")
 
     @property
     def single_bounce(self) -> bool:
-        """Whether the scene is the flat plate, where light is reflected once."""
+        """Whether the scene is the flat plate, at which light is reflected once only."""
         return self.scene == "plate.xml"
 
     def plate(self) -> tuple[float, float]:
-        """Height of the plate and spacing in mm; raises `UnsupportedCase` for other scenes, which were not modelled for
-        the peer."""
+        """Height of the plate and die spacing in mm; raises `UnsupportedCase` for other scenes, which are not
+        implemented for this program."""
         self.require_ideal()
         if not self.single_bounce:
             raise UnsupportedCase("the pad's mesh with its region-wise walls was not modelled for it")
@@ -57,11 +57,11 @@ class PeerCase:
 
     @property
     def isotropic(self) -> bool:
-        """Whether the roof scatters uniformly over the hemisphere, rather than by the cosine law."""
+        """Whether the roof scatters isotropically, instead of by Lambert's law."""
         return self.parameters["scattering"] == "isotropic"
 
     def load(self, integrator: str, sampler: str | None = None) -> Any:
-        """The ``mi.Scene`` with the integrator and, if given, the sampler of these plugin names."""
+        """Load the scene with an integrator and, if given, a sampler, by the names of their plugins."""
         text = find_scene(self.scene).read_text(encoding="utf-8").replace('type="taxel_tracer"', f'type="{integrator}"')
         response = f'<string name="response" value="cosine_power"/> <float name="exponent" value="{self.exponent}"/>'
         nested = response + (f'<sampler type="{sampler}"/>' if sampler else "")

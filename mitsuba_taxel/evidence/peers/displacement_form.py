@@ -1,7 +1,7 @@
-"""The quadratic tetrahedron with displacements only and four quadrature points, as CalculiX's C3D10.
+"""The quadratic tetrahedron with displacement unknowns only and four quadrature points, as CalculiX's element C3D10.
 
-It verifies the results of CalculiX node by node. It locks near incompressibility, so it is no reference for true
-displacements.
+It verifies the results of CalculiX node by node. It locks near incompressibility, and is therefore not a reference for
+true displacements.
 """
 
 from __future__ import annotations
@@ -30,21 +30,22 @@ LEAST_STEP = 1 / 64
 
 
 def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> np.ndarray:
-    """Displacement (N, 3) in mm of a pad glued to the board, under a dead load spread over its undeformed top.
+    """Compute the displacement (N, 3) in mm of the N nodes of a pad that is glued to the board, under a dead load
+    spread over its undeformed top.
 
-    Newton's method applies the whole load in one step; if that fails, in halves, quarters and so on.
+    Newton's method applies the whole load in one step; if this fails, in halves, quarters and so on.
 
     Parameters
     ----------
     force : sequence of float
-        (3,) total force in N.
+        Total force (Fx, Fy, Fz) in N.
 
     Raises
     ------
     InputError
         if the material is incompressible.
     ComputationError
-        if the load cannot be reached.
+        if no equilibrium is found under the load.
     """
     element, load = DisplacementForm(mesh, material), nodal_forces(mesh, force)
     displacement, fraction, step = np.zeros_like(mesh.points), 0.0, 1.0
@@ -67,19 +68,20 @@ def held(mesh: VolumeMesh) -> np.ndarray:
 
 
 def nodal_forces(mesh: VolumeMesh, force: Sequence[float]) -> np.ndarray:
-    """Consistent nodal forces: each mid-edge node takes a third of the force on its flat six-node triangle.
+    """Consistent nodal forces of a load spread over the top of a pad: each mid-edge node takes a third of the force on
+    its flat six-node triangle.
 
     Parameters
     ----------
     mesh : VolumeMesh
         The undeformed mesh.
     force : sequence of float
-        (3,) total force in N, spread over the top.
+        Total force (Fx, Fy, Fz) in N, spread over the top.
 
     Returns
     -------
     (N, 3) ndarray
-        Nodal forces in N.
+        Forces on the N nodes, in N.
     """
     top = mesh.faces[mesh.face_region == REGIONS["top"]]
     a, b, c = (mesh.points[top[:, k]] for k in range(3))
@@ -96,7 +98,8 @@ def bulk_modulus(material: NeoHookean) -> float:
 
 
 class DisplacementForm:
-    """Equilibria of W = mu/2 (I1 J^(-2/3) - 3) + kappa/2 (J - 1)^2, total Lagrangian, vectorised over elements."""
+    """Finite-element solver for the strain energy W = mu/2 (I1 J^(-2/3) - 3) + kappa/2 (J - 1)^2, in total Lagrangian
+    form, vectorised over elements."""
 
     def __init__(self, mesh: VolumeMesh, material: NeoHookean) -> None:
         self._mesh, self._material, self._bulk_modulus = mesh, material, bulk_modulus(material)
@@ -111,12 +114,13 @@ class DisplacementForm:
         self._solver = make_solver()
 
     def equilibrium(self, start: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Displacement (N, 3) in equilibrium with nodal forces (N, 3), by Newton's method from ``start`` (N, 3).
+        """Compute the displacement (N, 3) of the N nodes in equilibrium with nodal forces ``load`` (N, 3), by Newton's
+        method from ``start`` (N, 3).
 
         Raises
         ------
         ComputationError
-            if it does not converge, or inverts an element.
+            if Newton's method does not converge, or inverts an element.
         """
         displacement = start.copy()
         for _ in range(MOST_ITERATIONS):
@@ -128,7 +132,7 @@ class DisplacementForm:
         raise ComputationError(f"Newton's method does not converge in {MOST_ITERATIONS} iterations.")
 
     def linearised(self, displacement: np.ndarray) -> tuple[np.ndarray, sparse.csc_matrix]:
-        """Internal forces in N on the free displacements, and the lower triangle of their derivative."""
+        """Internal forces in N on the free degrees of freedom, and the lower triangle of the tangent."""
         gradient = np.einsum("mai,mqaj->mqij", displacement[self._mesh.tets], self._gradients) + np.eye(3)
         determinant = np.linalg.det(gradient)
         if not determinant.min() > 0:
@@ -139,8 +143,8 @@ class DisplacementForm:
         return self._assembled(forces.reshape(-1, 30), _stiffness(weighted, moduli, self._gradients))
 
     def _response(self, gradient: np.ndarray, determinant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """First Piola-Kirchhoff stress (..., 3, 3) and its derivative (..., 3, 3, 3, 3) with respect to the gradient,
-        in MPa."""
+        """First Piola-Kirchhoff stress (..., 3, 3), and its derivative (..., 3, 3, 3, 3) with respect to the
+        deformation gradient, in MPa."""
         g = np.swapaxes(np.linalg.inv(gradient), -1, -2)
         scale = (self._bulk_modulus * (determinant - 1) * determinant)[..., None, None]
         slope = (self._bulk_modulus * (2 * determinant - 1) * determinant)[..., None, None, None, None]
@@ -161,7 +165,8 @@ class DisplacementForm:
 
 
 def _stiffness(weighted: np.ndarray, moduli: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-    """Sum (m, 30, 30) over q, j, l of w B_aj A_ijkl B_bl, as two batched matrix products."""
+    """Element stiffness matrices (m, 30, 30) of m elements: the sum over quadrature points q and components j, l of w
+    B_aj A_ijkl B_bl, as two batched matrix products."""
     count, points = weighted.shape[:2]
     right_factor = moduli.reshape(count, points, 27, 3) @ np.swapaxes(gradients, -1, -2)
     right_factor = right_factor.reshape(count, points, 3, 3, 3, 10).transpose(0, 1, 3, 2, 5, 4)  # (m, q, j, i, b, k)

@@ -1,4 +1,5 @@
-"""CalculiX on the pad's own meshes: seconds, mean roof displacement, and agreement with our version of its element."""
+"""Comparison with CalculiX on the same meshes: time, mean displacement of the roof, and agreement with the
+implementation of its element in `displacement_form`."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ COLUMNS = ("nu", "mesh size", "unknowns", "threads", "seconds", "increments", "i
 
 
 def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Iterator[tuple[object, ...]]:
-    """Yield rows with the columns :data:`COLUMNS` as they are measured.
+    """Compare CalculiX with this package for several meshes and Poisson's ratios, and yield rows with the columns
+    :data:`COLUMNS`.
 
     Parameters
     ----------
@@ -44,7 +46,7 @@ def table(mesh_sizes: Sequence[float], poisson_ratios: Sequence[float]) -> Itera
 
 
 def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ...]]:
-    """Yield rows of one mesh as they are measured; if CalculiX fails, a row has the reason.
+    """Compare CalculiX with this package on one mesh, and yield the rows. If CalculiX fails, its row gives the reason.
 
     Parameters
     ----------
@@ -70,17 +72,17 @@ def rows_of(material: NeoHookean, mesh_size: float) -> Iterator[tuple[object, ..
 
 
 def mean_roof_displacement(mesh: VolumeMesh, displacement: np.ndarray, cell: int) -> float:
-    """Mean of the displacement along z over the undeformed roof of a cell, in mm.
+    """Mean displacement along z of the roof of a cell, in mm, weighted by undeformed area.
 
-    It is exact for flat roofs, also with curved edges: 5 x 5 Gauss-Legendre nodes on the triangle, mapped to a square
-    (M. G. Duffy, SIAM J. Numer. Anal. 19, 1982).
+    The mean is exact for flat roofs, also with curved edges: each triangle is mapped to a square with 5 x 5
+    Gauss-Legendre nodes (M. G. Duffy, SIAM J. Numer. Anal. 19, 1982).
 
     Parameters
     ----------
     mesh : VolumeMesh
         The undeformed mesh.
     displacement : (N, 3) ndarray
-        Displacement of each node, mm.
+        Displacement of each of N nodes, mm.
     cell : int
         Number of the cell, from 1.
     """
@@ -96,7 +98,7 @@ def mean_roof_displacement(mesh: VolumeMesh, displacement: np.ndarray, cell: int
 
 
 def _own_displacement(mesh: VolumeMesh, material: NeoHookean) -> np.ndarray:
-    """Displacement in mm with our version of the element; NaN if it fails."""
+    """Displacement (N, 3) in mm by the element in `displacement_form`; NaN if it fails."""
     try:
         return displacement_form.solve(mesh, material, FORCE)
     except ComputationError:

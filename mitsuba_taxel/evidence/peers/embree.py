@@ -1,4 +1,5 @@
-"""Hand-written light tracing with next-event estimation in numpy, over Embree (`embreex`); one thread."""
+"""Light tracing with next-event estimation, written in numpy for this comparison, with ray intersections by Embree
+(`embreex`); one thread."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ CLEARANCE = 1e-5  # mm, of a new ray from the surface that it leaves
 
 @dataclass(frozen=True)
 class Triangles:
-    """Triangles of a whole scene: their normals, and whether they reflect (reflectance 1) or absorb."""
+    """The triangles of a whole scene, with their normals, and whether each reflects (reflectance 1) or absorbs."""
 
     embree: Any
     mesh: Any  # Embree keeps no reference to it
@@ -28,7 +29,8 @@ class Triangles:
 
 
 def prepare(case: PeerCase) -> Estimator:
-    """Estimator on the triangles of the loaded scene; rays are not traced by Mitsuba."""
+    """Return a function that estimates the readings of a case by light tracing, on the triangles of the loaded scene.
+    Rays are not traced by Mitsuba."""
     case.require_ideal()
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
@@ -54,7 +56,8 @@ def prepare(case: PeerCase) -> Estimator:
 
 
 def _triangles(case: PeerCase) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """Triangles (N, 3, 3), (N,) whether each reflects, (T, 3) centres of the taxels, and the spacing."""
+    """N triangles (N, 3, 3) of a case, a mask (N,) of those that reflect, the centres (T, 3) of T taxels, and the die
+    spacing; all lengths in mm."""
     scene = case.load("taxel_tracer")
     triangles, reflects = [], []
     for shape in scene.shapes():
@@ -70,7 +73,7 @@ def _triangles(case: PeerCase) -> tuple[np.ndarray, np.ndarray, np.ndarray, floa
 
 
 def _trace(geometry: Triangles, taxel: int, count: int, rng: np.random.Generator) -> float:
-    """Sum over ``count`` paths of their power on the phototransistor, per W emitted."""
+    """Trace ``count`` light paths of a taxel. Returns the sum of their powers on the phototransistor, per W emitted."""
     # Start at random points of the LED, in directions by the cosine law.
     centre = geometry.centres[taxel]
     origin = centre + np.column_stack([(rng.random((count, 2)) - 0.5) * LED_SIDE, np.full(count, CLEARANCE)])
@@ -93,7 +96,7 @@ def _trace(geometry: Triangles, taxel: int, count: int, rng: np.random.Generator
 
 
 def _connect(geometry: Triangles, centre, origin, normal, rng: np.random.Generator) -> float:
-    """Power that reaches a random point of the phototransistor directly from ``origin``, unless the way is blocked."""
+    """Power that travels directly from ``origin`` to a random point of the phototransistor; 0 if it is occluded."""
     target = centre + np.column_stack([(rng.random((len(origin), 2)) - 0.5) * DETECTOR, np.zeros(len(origin))])
     target[:, 0] += geometry.half_spacing
     direction = target - origin
@@ -118,7 +121,8 @@ def _connect(geometry: Triangles, centre, origin, normal, rng: np.random.Generat
 
 
 def _hemisphere(normal: np.ndarray, rng: np.random.Generator, isotropic: bool) -> np.ndarray:
-    """Unit vectors about the normals, uniform over the hemisphere or by the cosine law."""
+    """Random unit vectors in the hemispheres around the normals, distributed uniformly (``isotropic``) or by the cosine
+    law."""
     sphere = rng.standard_normal(normal.shape)
     sphere /= np.linalg.norm(sphere, axis=1, keepdims=True)
     if isotropic:

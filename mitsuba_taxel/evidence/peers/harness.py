@@ -1,4 +1,4 @@
-"""Repeated runs of one system on one case: accuracy, agreement with the truth, figure of merit."""
+"""Repeated runs of one program on one case: standard error, agreement with the reference value, and figure of merit."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ _TRUTH_SEEDS, _TRIAL_SEEDS = 1 << 20, 1 << 21  # different from the seeds of the
 
 @dataclass(frozen=True)
 class PeerResult:
-    """Result of the runs of one system on one case.
+    """Result of the runs of one program on one case.
 
     Attributes
     ----------
     error : float
         Relative standard error of one run, root mean square over taxels.
     bias : float
-        Mean relative deviation of all runs and taxels from the truth.
+        Mean relative deviation, over all runs and taxels, from the reference values.
     z : float
-        The bias over the combined standard error of runs and truth.
+        The bias divided by the combined standard error of runs and reference values.
     agrees : bool
         Whether ``z`` passes a t-test at :data:`FALSE_ALARM_RATE`.
     seconds : float
-        Wall time of one run.
+        Wall time of one run, in s.
     """
 
     error: float
@@ -51,7 +51,7 @@ class PeerResult:
 
 
 def samples_for(estimate: Estimator, seconds: float) -> int:
-    """Choose the number of samples of a run.
+    """Choose the number of samples of a run, so that it takes a given time.
 
     Parameters
     ----------
@@ -75,10 +75,10 @@ def samples_for(estimate: Estimator, seconds: float) -> int:
 
 
 def repeat(estimate: Estimator, samples: int, runs: int, truth: TruthEstimate) -> PeerResult:
-    """Run an estimator with several seeds, and compare it with the truth.
+    """Run an estimator with several seeds, and compare it with the reference values.
 
-    The variance is computed about the truth if that is exact, so that an error common to all runs shows, else about the
-    mean of the runs.
+    If the reference values are exact, the variance is computed about them, so that it includes an error common to all
+    runs; else about the mean of the runs.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: TruthEstimate) -
     runs : int
         Number of seeds.
     truth : TruthEstimate
-        Reference.
+        Reference values.
     """
     timed = [_timed(estimate, samples, seed) for seed in range(runs)]
     deviation = np.array([power for _, power in timed]) / truth.power - 1
@@ -103,9 +103,11 @@ def repeat(estimate: Estimator, samples: int, runs: int, truth: TruthEstimate) -
 
 
 def truth_of(case: PeerCase, seconds: float) -> TruthEstimate:
-    """Reference of a case: a quadrature for the plate; for pads, the mean of many runs of Mitsuba's own `path`.
+    """Compute the reference values of a case: for the plate by quadrature, for pads as the mean of many runs of
+    Mitsuba's own integrator `path`.
 
-    Under an isotropic roof, paths from the phototransistor have unbounded variance; `ptracer`, from the LED, is used.
+    Under an isotropic roof, paths from the phototransistor have unbounded variance, and `ptracer` is used, whose paths
+    start at the LED.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The pad's mechanics: error against time compared with CalculiX, the paper's load paths, growth with the number of
-cells, and time by component.
+"""Tables on the mechanics of pads: error against time compared with CalculiX, the paper's load paths, growth with the
+number of cells, and time by component.
 
-Every figure is measured in a separate process, with an empty cache of solutions.
+Every time is measured in a separate process, with an empty cache of solutions.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ TANGENTIAL_REFERENCE_SIZE = 0.5
 
 
 def solve_table() -> Iterator[tuple[object, ...]]:
-    """Error of the centre roof's mean displacement under one normal load, against seconds from pad to displacement."""
+    """Table of the error of the centre roof's mean displacement under a normal load, and the seconds from pad to
+    displacement, of this package and of CalculiX."""
     pad = Pad()
     truth = _isolated(_own, pad, REFERENCE_SIZE, True, "rslab")[0]
     yield "system", "mesh size", "seconds", "MB", "roof mm", "error"
@@ -81,7 +82,7 @@ def solve_table() -> Iterator[tuple[object, ...]]:
 
 
 def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, float]:
-    """Mean roof displacement in mm, and seconds with meshing."""
+    """Solve a pad with this package. Returns the mean roof displacement in mm, and the seconds including meshing."""
     start = time.perf_counter()
     mesh = mesh_pad(pad, size)
     images, mirrors = (node_images(mesh), MIRRORS) if symmetric else ({}, ())
@@ -92,14 +93,16 @@ def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, fl
 
 
 def _peer(pad: Pad, size: float, threads: int) -> tuple[float, float]:
-    """Mean roof displacement and seconds by CalculiX, on the same mesh; without meshing and writing the deck."""
+    """Solve a pad with CalculiX on the same mesh. Returns the mean roof displacement in mm, and the seconds without
+    meshing and writing the input."""
     mesh = mesh_pad(pad, size)
     result = calculix.solve(mesh, MATERIAL, FORCE, threads)
     return mean_roof_displacement(mesh, result.displacement, CELL), result.seconds
 
 
 def paths_table() -> Iterator[tuple[object, ...]]:
-    """The paper's paths: seconds and memory without caches, and the error of the last step against a finer mesh."""
+    """Table of the paper's load paths: seconds and memory without caches, and the error of the last step compared with
+    a finer mesh."""
     yield "cells", "path", "steps", "seconds", "MB", "stated error", "largest error", "rms error", "between nodes"
     for cell in CELL_SHAPES:
         for name, steps, size in (
@@ -113,7 +116,7 @@ def paths_table() -> Iterator[tuple[object, ...]]:
 
 
 def _path(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float]:
-    """Seconds of a load path, and its stated relative error at the last step."""
+    """Solve a load path. Returns the seconds, and the stated relative error of the last step."""
     start = time.perf_counter()
     states = load_path(pad, MATERIAL, steps)
     error = states[-1].error
@@ -121,10 +124,10 @@ def _path(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float]:
 
 
 def _path_errors(pad: Pad, last: tuple[float, ...], size: float) -> tuple[float, float, float]:
-    """Errors of the roofs' nodes under the last force, relative to the largest displacement of these nodes.
+    """Errors of the displacement of the roofs' nodes under the last force, relative to their largest displacement.
 
-    Returns the largest error and the root mean square against a finer mesh, and the largest error of interpolation,
-    against a solve at exactly that force.
+    Returns the largest and the root mean square error, compared with a finer mesh, and the largest error of
+    interpolation along the path, compared with a solution at exactly this force.
     """
     # The interpolated state, and a solve at the same force.
     state = load_path(pad, MATERIAL, [last])[0]
@@ -143,7 +146,7 @@ def _path_errors(pad: Pad, last: tuple[float, ...], size: float) -> tuple[float,
 
 
 def cells_table() -> Iterator[tuple[object, ...]]:
-    """Seconds and memory of a path to the same pressure, against the number of cells."""
+    """Table of seconds and memory of a load path to the same pressure, for several numbers of cells."""
     yield "cells", "load", "unknowns", "seconds", "MB"
     timings: dict[str, list[tuple[int, float, float]]] = {"normal": [], "tangential": []}
     for load, sides in (("normal", (1, 2, 3, 6, 9, 12)), ("tangential", (1, 2, 3, 4, 6))):
@@ -161,7 +164,8 @@ def cells_table() -> Iterator[tuple[object, ...]]:
 
 
 def _grown(side: int, load: str) -> tuple[int, float]:
-    """Number of unknowns and seconds of a load on ``side`` x ``side`` cells, with the same pressure for all sizes."""
+    """Solve a pad of ``side`` x ``side`` cells under the same pressure for all sizes. Returns the number of unknowns
+    and the seconds."""
     pad = Pad(rows=side, columns=side)
     pressure = 20 / (9.65 * 9.65) * pad.extent[0] * pad.extent[1]
     force = (0.0, 0.0, -pressure) if load == "normal" else (0.2 * pressure, 0.0, -0.4 * pressure)
@@ -171,8 +175,8 @@ def _grown(side: int, load: str) -> tuple[int, float]:
 
 
 def parts_table() -> Iterator[tuple[object, ...]]:
-    """CPU seconds of 41 normal load steps to one force per cell, with their stated error, and the fractions spent in
-    each component."""
+    """Table of the CPU seconds of 41 normal load steps to a fixed force per cell, with their stated error, and the
+    fractions of time of each component."""
     yield "cells", "steps", "CPU seconds", "factorisation", "stability", "second mesh", "MB"
     for side in (1, 3, 6):
         total, *components, memory = _isolated(_parts, Pad(rows=side, columns=side), NORMAL)
@@ -181,7 +185,8 @@ def parts_table() -> Iterator[tuple[object, ...]]:
 
 
 def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, float, float]:
-    """CPU seconds in total, of factorisations with their analyses, of stability checks, and of the second mesh."""
+    """CPU seconds in total, of factorisations with their symbolic analyses, of stability tests, and of the second
+    mesh."""
     fraction = len(pad.cell_centres) / 9
     values = [tuple(fraction * component for component in step) for step in steps]
     start = time.process_time()
@@ -194,11 +199,10 @@ def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, floa
 
 
 def contact_table() -> Iterator[tuple[object, ...]]:
-    """Numbers of factorisations under indenters on a cell, relative to a bonded plate.
+    """Table of the number of factorisations for indenters on a cell, relative to that for a bonded plate.
 
-    A ball off the centre has no symmetry, and is compared with a plate on a leaning cell. Factorisations for the test
-    of stability against displacements without the symmetry of a state are not counted: their number is the same for
-    all.
+    A ball beside the centre has no symmetry, and is compared with a plate on a leaning cell. Factorisations for the
+    test of stability against asymmetric displacements are not counted, because their number is the same in all cases.
     """
     yield "pressed by", "mm", "factorisations", "per mm", "relative to a plate", "CPU seconds"
     cell, ball, down = Pad("hemispheric", rows=1, columns=1), Indenter("sphere", radius=2.5), (0.0, 0.0, -0.8)
@@ -220,7 +224,8 @@ def contact_table() -> Iterator[tuple[object, ...]]:
 
 
 def _factorisations(pad: Pad, body: Indenter | None, path: tuple[float, ...]) -> tuple[int, float]:
-    """Number of factorisations, and CPU seconds, for a displacement of a body, or of a plate if the body is None."""
+    """Number of factorisations, and CPU seconds, for a displacement of an indenter, or of a plate if ``body`` is
+    None."""
     load = PlateDisplacement() if body is None else IndenterDisplacement(body)
     start = time.process_time()
     with _clocked(LoadedPad, "_factored") as factors:
@@ -230,7 +235,7 @@ def _factorisations(pad: Pad, body: Indenter | None, path: tuple[float, ...]) ->
 
 @contextmanager
 def _clocked(owner: type, method: str) -> Iterator[list[float]]:
-    """Record the CPU seconds of each call of a method of a class, within this context."""
+    """Context manager: record the CPU seconds of each call of a method of a class."""
     original, times = getattr(owner, method), []
 
     def clocked(*arguments: object) -> object:
@@ -248,9 +253,10 @@ def _clocked(owner: type, method: str) -> Iterator[list[float]]:
 
 
 def solvers_table() -> Iterator[tuple[object, ...]]:
-    """CPU seconds of one load by each available linear solver, on 3 x 3 cells of each shape, with one thread.
+    """Table of the CPU seconds of one load with each available linear solver, on 3 x 3 cells of each shape, with one
+    thread.
 
-    The difference is the largest of the displacements, relative to the largest displacement.
+    The difference between solvers is that of the displacements, relative to the largest displacement.
     """
     yield "cells", "solver", "unknowns", "CPU seconds", "relative", "difference", "MB"
     for cell in CELL_SHAPES:
@@ -263,9 +269,10 @@ def solvers_table() -> Iterator[tuple[object, ...]]:
 
 
 def _solved_by(solver: str, cell: str) -> tuple[np.ndarray, int, float]:
-    """Displacements in mm, number of unknowns, and CPU seconds without meshing, the smaller of two runs.
+    """Solve a pad with one linear solver. Returns displacements in mm, number of unknowns, and CPU seconds without
+    meshing (the smaller of two runs).
 
-    Half of the pad is solved, as the load is symmetric, and stability is checked.
+    The load is symmetric, so that half of the pad is solved; stability is tested.
     """
     pad = Pad(cell)
     mesh, seconds = mesh_pad(pad, pad.default_mesh_size), math.inf
@@ -289,7 +296,7 @@ TABLES: dict[str, Callable[[], Iterator[tuple[object, ...]]]] = {
 
 
 def _isolated(function: Callable, *arguments: object) -> tuple:
-    """The return value of ``function`` in a separate process, and its peak memory in MB."""
+    """Call a function in a separate process. Returns its result, and the peak memory in MB."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         return pool.submit(_measured, function, arguments).result()
 

@@ -1,4 +1,4 @@
-"""Mitsuba's own integrators and samplers on the same scene file, one launch a run."""
+"""Readings by Mitsuba's own integrators and samplers on the same scene file; each run is one launch."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from mitsuba_taxel.evidence.peers.cases import DETECTOR, Estimator, PeerCase, Un
 
 
 def prepare(case: PeerCase, integrator: str, sampler: str) -> Estimator:
-    """Estimator by an integrator of Mitsuba: irradiance of a pixel per phototransistor, times its area; all LEDs are
-    lit.
+    """Return a function that estimates readings by one of Mitsuba's own integrators: the irradiance of one pixel for
+    each phototransistor, times its area. All LEDs are lit.
     """
     import mitsuba as mi
 

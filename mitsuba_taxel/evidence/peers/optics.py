@@ -1,4 +1,5 @@
-"""Comparison of this project's optics with other programs on the same cases, by figures of merit."""
+"""Comparison of the optics of this package with other programs on the same cases, by the figure of merit 1 / (variance
+x time)."""
 
 from __future__ import annotations
 
@@ -29,16 +30,16 @@ COLUMNS = ("case", "system", "error/run", "bias", "Z", "s/run", "set-up s", "FoM
 
 
 def table(cases: Sequence[str], peers: Sequence[str], runs: int, seconds: float) -> Iterator[tuple[str, ...]]:
-    """Yield rows with the columns :data:`COLUMNS` as they are measured.
+    """Run all programs on all cases, and yield rows with the columns :data:`COLUMNS`.
 
     Parameters
     ----------
     cases, peers : sequence of str
         Names from :data:`CASES` and :data:`PEERS`; all if empty. The peer ``none`` selects no peer.
     runs : int
-        Number of independent seeds of each system.
+        Number of runs of each program, with independent seeds.
     seconds : float
-        Approximate time of one run.
+        Approximate wall time of one run, in s.
 
     Raises
     ------
@@ -55,7 +56,7 @@ def table(cases: Sequence[str], peers: Sequence[str], runs: int, seconds: float)
 
 
 def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> Iterator[tuple[str, ...]]:
-    """Yield rows of one case as they are measured, this project's first.
+    """Run all programs on one case, and yield a row for each; this package comes first.
 
     Parameters
     ----------
@@ -64,9 +65,9 @@ def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> 
     peers : sequence of str
         Names from :data:`PEERS`; the row of a peer that does not support the case has the reason.
     runs : int
-        Number of independent seeds of each system.
+        Number of runs of each program, with independent seeds.
     seconds : float
-        Approximate time of one run.
+        Approximate wall time of one run, in s.
     """
     truth = truth_of(case, 2 * runs * seconds)
     systems: dict[str, Callable[[PeerCase], Estimator]] = {
@@ -86,7 +87,8 @@ def rows_of(case: PeerCase, peers: Sequence[str], runs: int, seconds: float) -> 
 
 
 def _run(prepare: Callable[[], Estimator], truth: TruthEstimate, runs: int, seconds: float) -> tuple[PeerResult, float]:
-    """Result of a system's runs, and the seconds until its first small result (loading, compilation)."""
+    """Run one program. Returns the result of its runs, and the seconds until its first small result (loading,
+    compilation)."""
     gc.collect()  # a live scene adds its plugins to the kernels of every other
     start = time.perf_counter()
     estimate = prepare()

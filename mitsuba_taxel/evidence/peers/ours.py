@@ -1,4 +1,4 @@
-"""This project's integrators, through `measure` on a scene that stays loaded."""
+"""Readings by the integrators of this package, by `measure` on a loaded scene."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ INTEGRATORS = ("taxel_tracer", "taxel_path", "analog_tracer")
 
 
 def prepare(case: PeerCase, integrator: str) -> Estimator:
-    """Estimator by this program: a run is one call of `measure`, the mean of its randomisations, which share the
-    samples.
+    """Return a function that estimates readings by an integrator of this package. A run is one call of `measure`; the
+    samples are divided among its randomisations.
     """
     from mitsuba_taxel import InputError, measure
     from mitsuba_taxel.backend import plugin_files

@@ -1,4 +1,4 @@
-"""Power on the phototransistor under the Lambertian plate, without random numbers."""
+"""Reference value for the Lambertian plate: power on the phototransistor by quadrature."""
 
 from __future__ import annotations
 
@@ -8,24 +8,26 @@ from mitsuba_taxel.evidence.peers.cases import DETECTOR, LED_SIDE
 
 
 def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int = 80, exponent: float = 1) -> float:
-    """Power in W per W emitted, for a Lambertian LED and one reflection off a Lambertian plate of reflectance 1.
+    """Power on the phototransistor in W per W emitted, for a Lambertian LED and one reflection at a Lambertian plate of
+    reflectance 1.
 
-    The fraction of the light from a point of the plate that reaches a parallel rectangle is the closed-form
-    configuration factor F. By reciprocity F also gives the irradiance at that point, so that the power is the integral
-    of F_led F_detector over the plate, divided by the LED's area: composite Gauss-Legendre, 8 x 8 nodes per panel.
+    The fraction of the light from a point of the plate that reaches a parallel rectangle is the configuration factor F,
+    which has a closed form. By reciprocity, F also gives the irradiance at this point. The power is therefore the
+    integral of F_led F_detector over the plate, divided by the area of the LED. It is computed by composite
+    Gauss-Legendre quadrature with 8 x 8 nodes per panel.
 
     Parameters
     ----------
     z : float
         Height of the plate above the LED's plane, mm.
     spacing : float
-        Distance of the LED's centre from the phototransistor's, along x, mm.
+        Distance between the centres of LED and phototransistor, along x, mm.
     side : float
         Side of the plate, mm.
     panels : int
-        Panels along each side.
+        Number of panels along each side of the plate.
     exponent : float
-        Exponent of the cosine in the phototransistor's response to a parallel beam, 1 if ideal.
+        Power of the cosine in the phototransistor's response to a parallel beam; 1 if ideal.
     """
     nodes, weights = np.polynomial.legendre.leggauss(8)
     step = side / panels
@@ -42,15 +44,16 @@ def plate_power(z: float, spacing: float = 0.7, side: float = 4.0, panels: int =
 
 
 def configuration_factor(x, y, width: float, depth: float, z: float):
-    """Configuration factor from an element at height z, facing down, to a rectangle about the origin, facing up.
+    """Configuration factor from a surface element at the height z, facing down, to a rectangle centred at the origin,
+    facing up.
 
-    Signed sum over the corners of the element-to-corner formula (J. R. Howell, A Catalog of Radiation
-    Configuration Factors, B-3).
+    It is a signed sum, over the corners of the rectangle, of the closed form for an element below a corner (J. R.
+    Howell, A Catalog of Radiation Configuration Factors, B-3).
 
     Parameters
     ----------
     x, y : ndarray
-        Positions of the element, mm; they are broadcast.
+        Positions of the element, mm, which are broadcast against each other.
     width, depth : float
         Sides of the rectangle along x and y, mm.
     z : float
@@ -61,15 +64,15 @@ def configuration_factor(x, y, width: float, depth: float, z: float):
 
 
 def response_factor(x, y, width: float, depth: float, z: float, exponent: float) -> np.ndarray:
-    """Configuration factor of :func:`configuration_factor`, weighted by cos**(exponent - 1); Gauss-Legendre, 20 x 20
-    nodes.
+    """Configuration factor as :func:`configuration_factor`, with light weighted by cos**(exponent - 1), by
+    Gauss-Legendre quadrature with 20 x 20 nodes.
 
     Parameters
     ----------
     x, y, width, depth, z
         See :func:`configuration_factor`.
     exponent : float
-        Exponent of the cosine in the response.
+        Power of the cosine in the response.
     """
     nodes, weights = np.polynomial.legendre.leggauss(20)
     total = np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y)))

@@ -1,4 +1,5 @@
-"""A rigid ball pressed into one hemispheric cell off its centre, by CalculiX on our mesh."""
+"""Comparison with CalculiX on the same mesh: a rigid ball is pressed into a pad with one hemispheric cell, beside its
+centre."""
 
 from __future__ import annotations
 
@@ -43,7 +44,7 @@ SHELL = 0.9
 
 
 def table(mesh_sizes: Sequence[float], depths: Sequence[float]) -> Iterator[tuple[object, ...]]:
-    """Yield rows with the columns :data:`COLUMNS` as they are measured.
+    """Compare both programs for several mesh sizes and depths, and yield rows with the columns :data:`COLUMNS`.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def table(mesh_sizes: Sequence[float], depths: Sequence[float]) -> Iterator[tupl
 
 
 def row_of(mesh_size: float, depth: float) -> tuple[object, ...]:
-    """The row of the table for a mesh size and a depth, both in mm."""
+    """Compare both programs for one mesh size and one depth, both in mm. Returns the row of the table."""
     (state,) = load_path(PAD, MATERIAL, [(0, 0, -depth)], load=IndenterDisplacement(BALL), mesh_size=mesh_size)
     ours, peer = indentation_of(state)[1].force, press(state.mesh, MATERIAL, BALL, depth)
     difference = np.linalg.norm(peer.force - ours) / np.linalg.norm(ours)
@@ -80,18 +81,19 @@ def row_of(mesh_size: float, depth: float) -> tuple[object, ...]:
 
 
 def rms_apart(displacement: np.ndarray, reference: np.ndarray) -> float:
-    """Relative difference of displacements, root mean square over the nodes.
+    """Root mean square over N nodes of the difference of two displacements, relative to the second.
 
     Parameters
     ----------
     displacement, reference : (N, 3) ndarray
-        In the same unit; the difference is relative to the reference.
+        Displacement of each node and its reference value, in the same unit.
     """
     return float(np.linalg.norm(displacement - reference) / np.linalg.norm(reference))
 
 
 def under_same_forces(state: State) -> np.ndarray:
-    """Displacement (N, 3) in mm under the contact forces of a state, by the element that CalculiX uses."""
+    """Displacement (N, 3) in mm of the N nodes under the contact forces of a state, by the element of CalculiX in
+    `displacement_form`."""
     assert isinstance(state.material, NeoHookean)
     element, pushed = DisplacementForm(state.mesh, state.material), indentation_of(state)[1].nodal_forces
     displacement, steps = np.zeros_like(pushed), math.ceil(abs(state.value[2]) / INCREMENT)
@@ -101,7 +103,7 @@ def under_same_forces(state: State) -> np.ndarray:
 
 
 def press(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -> calculix.CalculixRun:
-    """Press a ball into the top of a pad by CalculiX, without friction.
+    """Compute, by CalculiX, the deformation of a pad into whose top a ball is pressed without friction.
 
     Parameters
     ----------
@@ -118,7 +120,8 @@ def press(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) 
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -> str:
-    """Input of CalculiX. The ball is the lower part of a shell of wedges, whose nodes all have the same displacement.
+    """Input text of CalculiX for :func:`press`. The ball is represented by the lower part of a shell of wedge elements,
+    whose nodes all have the same displacement.
 
     Parameters
     ----------
@@ -147,10 +150,11 @@ def deck(mesh: VolumeMesh, material: NeoHookean, ball: Indenter, depth: float) -
 
 
 def _shell(ball: Indenter, lowest: float, depth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes (N, 3) and wedges (W, 6) of the lower part of a ball, whose lowest point is at the height ``lowest`` in mm.
+    """Mesh of the lower part of a ball, whose lowest point is at the height ``lowest`` in mm: N nodes (N, 3) and W
+    wedges (W, 6) as indices of nodes.
 
-    The part is a little wider than the ball's section at that height after its displacement by ``depth``. The outer
-    facets, the last three nodes of the wedges, are scaled so that they enclose the volume of the ball.
+    The part is a little wider than the section of the ball at this height after a displacement by ``depth``. The outer
+    facets, formed by the last three nodes of each wedge, are scaled so that they enclose the volume of the ball.
     """
     assert ball.radius is not None
     touched = math.sqrt(1 - (1 - min(depth / ball.radius, 1.0)) ** 2)
@@ -166,7 +170,7 @@ def _shell(ball: Indenter, lowest: float, depth: float) -> tuple[np.ndarray, np.
 
 
 def _top_sides(mesh: VolumeMesh) -> Iterator[tuple[int, int]]:
-    """Number of each element with a face in the top, and that of the face, as the program numbers them."""
+    """For each element with a face in the top of the pad: its number, and the number of this face in CalculiX."""
     top = {tuple(corners) for corners in np.sort(mesh.faces[mesh.face_region == REGIONS["top"]][:, :3], axis=1)}
     sides = np.sort(mesh.tets[:, np.array(TET_FACES)[:, :3]], axis=2)
     for element, of_element in enumerate(sides, start=1):

@@ -1,4 +1,5 @@
-"""Radiance (`pyradiance`): `rtrace -I` at points of the phototransistor, one ambient bounce off the plate."""
+"""Readings by Radiance (`pyradiance`): `rtrace -I` at points of the phototransistor, with one ambient bounce at the
+plate."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ ACCURACY = "-aa 0 -as 0 -lw 0 -lr 8 -ds 0.1 -dj 1 -dt 0 -dc 1 -dr 0 -st 0"
 
 
 def prepare(case: PeerCase) -> Estimator:
-    """Irradiance at jittered points of the phototransistor, in a scene that contains only LED and plate."""
+    """Return a function that estimates readings from the irradiance at jittered points of the phototransistor, in a
+    scene that contains only LED and plate."""
     z, spacing = case.plate()
     import pyradiance
 
@@ -47,7 +49,8 @@ def prepare(case: PeerCase) -> Estimator:
 
 
 def _scene(z: float, spacing: float) -> str:
-    """LED and plate as Radiance's text; corners of a polygon run counter-clockwise seen from its front."""
+    """LED and plate as Radiance's scene text. The corners of a polygon are listed counter-clockwise as seen from its
+    front."""
     radiance = 1 / (math.pi * LED_SIDE**2)
     x0, x1, half = -0.5 * spacing - 0.5 * LED_SIDE, -0.5 * spacing + 0.5 * LED_SIDE, 0.5 * LED_SIDE
     led = [(x0, -half, 0), (x1, -half, 0), (x1, half, 0), (x0, half, 0)]
@@ -62,7 +65,8 @@ def _polygon(material: str, name: str, corners: Sequence[Sequence[float]]) -> st
 
 
 def _detector_points(spacing: float, seed: int) -> np.ndarray:
-    """Positions (POINTS², 6), one in each cell of a grid, in random order, and upward normals."""
+    """Points (POINTS², 6) of the phototransistor in random order: position and upward normal of one random point in
+    each cell of a grid."""
     rng = np.random.default_rng(seed)
     cell = np.stack(np.meshgrid(np.arange(POINTS), np.arange(POINTS)), axis=-1).reshape(-1, 2)
     offset = ((cell + rng.random(cell.shape)) / POINTS - 0.5) * DETECTOR

@@ -1,4 +1,4 @@
-"""raysect: paths from the phototransistor, with importance sampling of the LED, on all cores."""
+"""Readings by raysect: light paths from the phototransistor, with importance sampling of the LED, on all cores."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ IMPORTANT = 0.8
 
 
 def prepare(case: PeerCase) -> Estimator:
-    """The plate as a Lambertian mesh, the LED as an emitting one, the phototransistor as a pixel aimed at the plate."""
+    """Return a function that estimates readings. The plate is a Lambertian mesh, the LED an emitting mesh, and the
+    phototransistor a pixel directed at the plate."""
     z, spacing = case.plate()
     from raysect.core import translate
     from raysect.core.math.random import seed as set_seed
