@@ -53,7 +53,7 @@ def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def first_touch(first: np.ndarray, second: np.ndarray, shared: str, tolerance: float) -> Place | None:
-    """A point where a patch touches its partner.
+    """A point at which, in one of n pairs, a patch touches its partner.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def first_touch(first: np.ndarray, second: np.ndarray, shared: str, tolerance: f
 
 
 def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
-    """A point of contact of pairs (4, 13, n), by depth-first subdivision."""
+    """A point of contact of n pairs of patches (4, 13, n), by depth-first subdivision."""
     waiting = [(shared, _doubtful(pairs, shared, tolerance))]
     while waiting:
         shared, pairs = waiting.pop()
@@ -103,7 +103,7 @@ def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
 
 
 def _doubtful(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """The pairs of patches that may touch at a place where contact counts."""
+    """The pairs of patches that are not proved to be separate, and may touch where contact counts."""
     pairs = pairs[:, :, (pairs[3, :12] > 0).any(axis=0)]
     return pairs[:, :, ~_CERTIFICATES[shared](pairs[:3], tolerance)]
 
@@ -234,7 +234,8 @@ def _face_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _side_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Directions normal (3, 15, n) to a side of each triangle, and to a side and the normal of the same triangle."""
+    """Directions (3, 15, n): normal to a side of each of both triangles, and normal to a side and to the normal of the
+    same triangle."""
     sides, second_sides = _sides(first), _sides(second)
     axes = [_cross(sides[:, :, None], second_sides[:, None]).reshape(3, 9, -1)]
     for side in (sides, second_sides):
@@ -258,15 +259,16 @@ def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _divides(normal: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Whether a plane through 0 has all first points strictly behind it, and all second points strictly in front of
-    it."""
+    """Whether all ``first`` points lie strictly behind the plane through 0 with a normal, and all ``second`` points
+    strictly in front of it."""
     size = np.maximum(_length(first).max(axis=0), _length(second).max(axis=0))
     limit = STRICT * size * _length(normal)
     return (_dot(normal[:, None], first).max(axis=0) < -limit) & (_dot(normal[:, None], second).min(axis=0) > limit)
 
 
 def _middle_plane(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Normal of a plane midway among those that separate two flat sectors (3, 2 rays, n) and touch a ray or two."""
+    """Normal of a plane through 0 that separates two flat sectors, each between two rays (3, 2, n): the mean of the
+    normals of all separating planes that touch rays."""
     first, second = (np.stack([_unit(rays[:, k]) for k in range(2)], axis=1) for rays in (first, second))
     candidates = [_cross(first[:, i], second[:, j]) for i, j in product(range(2), repeat=2)]
     for rays in (first, second):

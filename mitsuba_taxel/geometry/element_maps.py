@@ -67,7 +67,8 @@ def curved_volume(mesh: VolumeMesh) -> float:
 
 
 def worst_element(mesh: VolumeMesh) -> tuple[float, np.ndarray]:
-    """Least relative determinant of any element (see :func:`jacobians`), negative if inverted, and its position.
+    """Least relative determinant of all elements (see :func:`jacobians`), negative if an element is inverted, and the
+    position of that element.
 
     Parameters
     ----------

@@ -6,8 +6,8 @@ import numpy as np
 
 
 class GeometryError(Exception):
-    """A pad's file cannot be used, for the reason in the message. Callers that know the name of the file turn it into
-    an `InputError`."""
+    """Error: a file of geometry cannot be used, for the reason in the message. Callers that know the name of the file
+    turn it into an `InputError`."""
 
 
 def place(point: np.ndarray) -> str:

@@ -52,7 +52,7 @@ of all planes."""
 
 
 def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
-    """The mesh and its image, joined at the nodes on the plane.
+    """The mesh joined with its mirror image at the nodes on the plane.
 
     Parameters
     ----------

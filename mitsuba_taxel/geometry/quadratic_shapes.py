@@ -67,7 +67,7 @@ def shape_gradients(xi: np.ndarray) -> np.ndarray:
 
 
 def tet_coordinates(xi: np.ndarray) -> np.ndarray:
-    """Barycentric coordinates in a tetrahedron.
+    """Barycentric coordinates in a tetrahedron, from its reference coordinates.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def control_points(nodes: np.ndarray) -> np.ndarray:
 
 
 def hull_boxes(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Boxes around the control points of quadratic elements, which are not all in memory at once.
+    """Bounding boxes of the control points of quadratic elements; the control points are not all in memory at once.
 
     Parameters
     ----------

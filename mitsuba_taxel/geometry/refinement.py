@@ -62,7 +62,8 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
 
 
 def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> np.ndarray:
-    """Mask (E,) of the edges to be cut, to which the longest edge of every element with such an edge is added."""
+    """Mask (E,) of the edges to be cut: those of ``cut``, and the longest edge of every element that has such an
+    edge."""
     while True:
         more = cut.copy()
         more[longest[cut[of_tets].any(axis=1)]] = True
@@ -129,7 +130,7 @@ def of_pieces(
     faces: np.ndarray,
     face_parent: np.ndarray,
 ) -> VolumeMesh:
-    """A mesh of pieces of the elements of another mesh.
+    """The mesh of M pieces into which the elements of another mesh are divided.
 
     Parameters
     ----------

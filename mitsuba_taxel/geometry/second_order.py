@@ -18,7 +18,7 @@ _SIDES = np.array(
 
 
 def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points that tetrahedra use, and the tetrahedra, all positively oriented.
+    """The points that are corners of tetrahedra, and the tetrahedra, all positively oriented.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def second_order(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Quadratic elements with straight edges.
+    """Quadratic elements with straight edges, from straight tetrahedra.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def _once(sides: np.ndarray) -> np.ndarray:
 
 
 def edge_ends(tets: np.ndarray) -> np.ndarray:
-    """Ends of the edge of each mid-edge node.
+    """The corners at both ends of the edge on which each of E mid-edge nodes lies.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def edge_ends(tets: np.ndarray) -> np.ndarray:
     Returns
     -------
     (E, 2) ndarray of int
-        Corners, in the order of the mid-edge nodes.
+        Numbers of the two corners, in the order of the mid-edge nodes.
     """
     nodes, first = np.unique(tets[:, 4:], return_index=True)
     assert nodes[0] == tets[:, :4].max() + 1 and len(nodes) == nodes[-1] - nodes[0] + 1

@@ -77,7 +77,7 @@ def _quality(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def _star_quality(points: np.ndarray, tets: np.ndarray) -> float:
-    """Least quality of the elements around a node, where flat elements count as distorted."""
+    """Least quality of the elements around a node; flat elements count as distorted."""
     corner = points[tets[:, 1:4]] - points[tets[:, :1]]
     volume = np.linalg.det(corner)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -19,7 +19,7 @@ from mitsuba_taxel.specification.specification import Specification
 
 
 class UnknownState(Exception):
-    """The state of an object is unknown."""
+    """Raised for an object whose state cannot be recorded."""
 
 
 class SceneState:
@@ -53,7 +53,7 @@ class SceneState:
 
 
 class KnownScene:
-    """Cached properties of a scene.
+    """Properties of a scene that are cached with the state for which they are valid.
 
     Attributes
     ----------

@@ -99,7 +99,7 @@ def set_wavelength(scene: mi.Scene, leds: Sequence[LedEmitter]) -> None:
 
 
 def refuse_unknown_wavelength(scene: mi.Scene, one_by_one: bool) -> None:
-    """Raise if the reflectance of a wall with a table is undefined.
+    """Raise `InputError` if the reflectance of a wall with a table is unknown at the wavelength of the light.
 
     Parameters
     ----------

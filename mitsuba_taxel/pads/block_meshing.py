@@ -25,7 +25,7 @@ OF_BRICK = 24
 
 
 class Meshed(Protocol):
-    """The properties of a block that meshing uses; see `Block`."""
+    """Interface: the properties of a block that meshing uses; see `Block`."""
 
     @property
     def extent(self) -> tuple[float, float, float]: ...
@@ -149,7 +149,7 @@ def _bricks(sides: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _tagged(points: np.ndarray, tets: np.ndarray, faces: np.ndarray, half: tuple[float, float, float]) -> VolumeMesh:
-    """The mesh with the regions of its faces, without faces on planes of symmetry."""
+    """The mesh, with a region for each boundary face and without the faces on planes of symmetry."""
     middle, near = points[faces[:, :3]].mean(axis=1), 1e-9 * np.array(half)
     region = np.zeros(len(faces), dtype=int)
     region[(middle[:, :2] > (np.array(half) - near)[:2]).any(axis=1)] = REGIONS["outer"]
@@ -160,7 +160,7 @@ def _tagged(points: np.ndarray, tets: np.ndarray, faces: np.ndarray, half: tuple
 
 
 def _on(mesh: VolumeMesh, region: str) -> np.ndarray:
-    """Mask (N,) of the nodes on a region."""
+    """Mask (N,): whether each node lies on a region."""
     on = np.zeros(len(mesh.points), dtype=bool)
     on[mesh.faces[mesh.face_region == REGIONS[region]]] = True
     return on

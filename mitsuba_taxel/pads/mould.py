@@ -12,7 +12,7 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 
 
 def thicknesses(pad: Pad) -> np.ndarray:
-    """Thicknesses in mm: around the outer cells, above all cells, and between neighbours."""
+    """Thicknesses of the silicone in mm: around the outer cells, above all cells, and between neighbouring cells."""
     between = [pad.pitch - pad.cell_size] if pad.rows * pad.columns > 1 else []
     return np.array([pad.thinnest_wall, pad.height - pad.top_of_cell, *between])
 

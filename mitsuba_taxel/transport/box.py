@@ -48,12 +48,12 @@ class Box:
         return bool(((positions - self.centre) @ self.axes[2] < self.half[2]).any())
 
     def to_box(self, points: np.ndarray) -> np.ndarray:
-        """Coordinates (N, 3) of points (N, 3) in the frame of the box."""
+        """Coordinates (N, 3) of N points (N, 3) in the frame of the box."""
         return (points - self.centre) @ self.axes.T
 
 
 class Passage:
-    """Fraction of the light that passes a box on straight segments.
+    """Fraction of the light on straight segments that is not blocked by a box.
 
     Parameters
     ----------

@@ -279,7 +279,7 @@ class Cell:
         return np.concatenate(sources), np.concatenate(ends), power / (self.reading or 1.0)
 
     def _between_walls(self, box: Box | None) -> Exchange:
-        """Exchange from the targets to the points of all patches, with a box between them, if any."""
+        """Light exchange from the targets to the points of all patches, past the box, if any."""
         pairs = self._mesh.pairs
         ends = pairs.points.positions_and_areas(self._walls.positions)
         return Exchange(self._starts, *ends, pairs.target, pairs.point, *self._blocking(box))
@@ -294,11 +294,12 @@ class Cell:
 
     @property
     def _seen_starts(self) -> Starts:
-        """The starts that LED and phototransistor see."""
+        """The points of the walls, as starts of light, that LED and phototransistor see."""
         return self._starts.block(self._seen)
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
-        """(T, ...) values at all targets, which are 0 at those on the box, from the values at all others."""
+        """Values (T, ...) at all targets, which are 0 at the targets on the box, from the values at all other
+        targets."""
         on_box = len(self._at) - len(values)
         return np.pad(values, [(0, on_box), *[(0, 0)] * (values.ndim - 1)]) if on_box else values
 
@@ -310,7 +311,7 @@ class Cell:
         return emission(led, seen, self._walls.rest[: len(seen)], self._mesh.degree, phototransistor)
 
     def _exchange_of(self, between: Exchange) -> np.ndarray:
-        """Matrix K (T, T)."""
+        """Matrix K (T, T) of the light exchange between walls."""
         pairs, interpolation = self._mesh.pairs, self._mesh.interpolation
         values = between.values()
         if (crossing := self._crossing(between)) is not None:
@@ -320,7 +321,8 @@ class Cell:
         return (to_points @ interpolation).toarray()
 
     def _crossing(self, between: Exchange) -> PiecesAtHorizon | None:
-        """Pieces that the horizon of isotropic light crosses; None without edges between walls."""
+        """Pieces of patches that cross the horizon of a target, for isotropic light; None without edges between
+        walls."""
         if not (self._walls.have_edges and self._walls.isotropic.any()):
             return None
         crossing = pieces_at_horizon(self._mesh.pairs, self._mesh.own, self._normal, between.leaving())
@@ -387,7 +389,7 @@ class Cell:
         return gradient
 
     def bent(self, velocity: np.ndarray, side: int) -> np.ndarray:
-        """Derivatives due to light between points of one plane, which :meth:`gradient` omits.
+        """Derivatives of the reading due to light between points of one plane, which :meth:`gradient` omits.
 
         Points of a plane see each other when it bends inwards, and not when it bends outwards, so that derivatives on
         both sides differ.
@@ -423,7 +425,8 @@ class Cell:
 
     @cached_property
     def _in_plane(self) -> np.ndarray:
-        """Mask (N,): whether both points of a pair lie in one plane."""
+        """Mask (N,): whether both points of each pair lie in one plane, so that they see each other as soon as it bends
+        inwards."""
         return self._between_walls(None).in_plane()
 
     def change(self, led: End, phototransistor: End, box: Box | None, scattered: np.ndarray) -> float:

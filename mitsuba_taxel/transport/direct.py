@@ -190,7 +190,7 @@ class _Subpatches:
 
     @cached_property
     def nodes(self) -> np.ndarray:
-        """(M * 15, 2) coordinates (s, t) of the interpolation nodes on the patches."""
+        """Coordinates (s, t) (M * 15, 2) of the interpolation nodes of all subpatches on their patches."""
         return (self._origin[:, None] + self.side[:, None, None] * _NODES).reshape(-1, 2)
 
     def interpolation(self, lit: LitPoints, number: np.ndarray) -> np.ndarray:

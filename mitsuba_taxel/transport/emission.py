@@ -130,9 +130,11 @@ class Emission:
         return self.led.law.spread < NARROW
 
     def outline_rate(self, velocity: np.ndarray) -> np.ndarray:
-        """Rate (F,) of the fraction of the LED's power within the outline of each patch.
+        """Derivative (F,) of the fraction of the LED's power within the outline of each patch with respect to a
+        parameter.
 
-        The patches move along a velocity (F, 15, 3); the rate is a difference.
+        The patches move by ``velocity`` (F, 15, 3) in mm per unit of the parameter; the derivative is a finite
+        difference.
         """
         fastest = np.abs(velocity).max(initial=0)
         if not fastest:
@@ -278,7 +280,8 @@ def emission(
 
 
 def _lit_pieces(led: End, phototransistor: End | None, positions: np.ndarray) -> tuple[np.ndarray, Pieces]:
-    """Points of an LED (M,), and for each a piece that it may light.
+    """M pairs of a point of an LED and a piece of a patch that it may light: the numbers (M,) of the points, and the
+    pieces.
 
     The pieces are as small as their distance, the law of the LED and the response of the phototransistor require. Those
     outside the law's spread are left out, so that the number of pieces depends neither on the width of the beam nor on
@@ -405,7 +408,8 @@ def _lit(
     points: Sequence[np.ndarray],
     weights: Sequence[np.ndarray],
 ) -> LitPoints:
-    """Points of groups of pieces, in the order of the patches; ``sizes`` has an entry for each piece of a group."""
+    """The lit points of several groups of pieces, in the order of the patches; ``sizes`` states the number of points of
+    each piece of a group."""
     source, face = (
         np.concatenate([np.repeat(numbers, size) for numbers, size in zip(groups, sizes, strict=True)])
         for groups in (sources, faces)

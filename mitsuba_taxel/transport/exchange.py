@@ -29,7 +29,7 @@ _TURN = threading.Lock()
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """Points of walls that scatter light.
+    """S points of walls that scatter light.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Starts:
     lambertian: np.ndarray
 
     def block(self, rows: slice) -> Starts:
-        """The points of some rows."""
+        """The points with the numbers ``rows``."""
         return Starts(self.at[rows], self.normal[rows], self.isotropic[rows], self.lambertian[rows])
 
 
@@ -103,7 +103,7 @@ class Exchange:
         self._start, self._end, self._box, self._can_block = start, end, box, can_block
 
     def values(self, above: np.ndarray | None = None) -> np.ndarray:
-        """Light that arrives, per unit of power at the start.
+        """Light that arrives at the ends of the N pairs, per unit of power at their starts.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class Exchange:
         above: np.ndarray | None = None,
         by_leaving: np.ndarray | None = None,
     ) -> LightRates:
-        """Derivatives of the :meth:`values`, times a weight.
+        """Derivatives of the :meth:`values` with respect to the positions and normals of both points, times a weight.
 
         Parameters
         ----------

@@ -108,9 +108,10 @@ def _points(coefficients: np.ndarray, start: np.ndarray, width: np.ndarray) -> t
 
 
 def _integrals(away: np.ndarray, rate: np.ndarray, within: Cumulative) -> np.ndarray:
-    """(...) integrals of F dphi / (2 pi) along intervals of sides at ``away`` (..., P, 3) from the sources.
+    """Integrals (...) of F dphi / (2 pi) along intervals of sides, whose P points are at ``away`` (..., P, 3) from the
+    sources.
 
-    They count clockwise as seen from above.
+    They are positive where the side runs clockwise as seen from above.
     """
     (x, y, z), (dx, dy) = np.moveaxis(away, -1, 0), np.moveaxis(rate[..., :2], -1, 0)
     across = np.maximum(x**2 + y**2, np.finfo(float).tiny)

@@ -43,7 +43,7 @@ class Pairs:
 
     @cached_property
     def interpolation(self) -> np.ndarray:
-        """Weights (P, Q) of the Q values on a patch for the value at each of its points."""
+        """Weights (P, Q) with which the Q values on a patch are interpolated at each of its points."""
         return monomials(self.points.at, self.degree) @ coefficients(self.degree)
 
 

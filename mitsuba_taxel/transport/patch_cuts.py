@@ -20,7 +20,7 @@ _COEFFICIENTS = np.linalg.inv(monomials(LATTICE, DEGREE))
 
 @dataclass(frozen=True, eq=False)
 class PatchCuts:
-    """Triangles that together cover F patches.
+    """C triangles that together cover F patches.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class PatchCuts:
         object.__setattr__(self, "_weights", weights)
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """(C, 15, 3) values at the points of the triangles, from values (F, 15, 3) at the points of the patches."""
+        """Values (C, 15, 3) at the 15 points of each triangle, from values (F, 15, 3) at the points of the patches."""
         return self._weights @ values[self.parent]  # type: ignore[attr-defined]
 
 

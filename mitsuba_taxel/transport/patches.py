@@ -46,7 +46,8 @@ class PatchPoints:
         return monomials(self.at, DEGREE).T
 
     def _evaluated(self, positions: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
-        """(K, P, 3) values at the points of K matrices (K, 15, 15) of `_COEFFICIENTS`, applied to the positions."""
+        """Values (K, P, 3) at the points, of the polynomials that K matrices (K, 15, 15) of `_COEFFICIENTS` give for
+        the positions."""
         factors = np.swapaxes(positions, 1, 2) @ polynomials.reshape(-1, len(LATTICE)).T
         factors = factors.reshape(len(positions), -1, len(LATTICE))
         result = np.empty((factors.shape[1], len(self.face)))

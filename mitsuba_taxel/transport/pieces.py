@@ -35,12 +35,12 @@ class Pieces:
     corners: np.ndarray
 
     def points(self, rule: np.ndarray) -> np.ndarray:
-        """(M, Q, 2) points (s, t) of a quadrature rule (Q, 2) on each piece."""
+        """Points (s, t) (M, Q, 2) of a quadrature rule (Q, 2) on each piece."""
         sides = self.corners[:, 1:] - self.corners[:, :1]
         return self.corners[:, :1] + rule @ sides
 
     def areas(self) -> np.ndarray:
-        """(M,) areas relative to those of the patches."""
+        """Areas (M,) of the pieces in the plane (s, t), relative to those of the patches."""
         (a, b), (c, d) = (self.corners[:, 1:] - self.corners[:, :1]).transpose(1, 2, 0)
         return np.abs(a * d - b * c)
 

@@ -23,7 +23,7 @@ the points of a phototransistor as seen from a wall nearby, whose horizon passes
 
 
 class Reception:
-    """Power that a phototransistor receives directly from walls that scatter light.
+    """Power that a phototransistor receives directly from T points of walls that scatter light.
 
     Pairs of points of walls and phototransistor are computed in blocks, and not kept: a narrow response needs
     tens of millions of them.
@@ -46,7 +46,7 @@ class Reception:
         return np.concatenate([_ReceivedPairs(self._end, block).value for block in self._blocks])
 
     def gradient(self, adjoint: np.ndarray, wider: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of the product of ``adjoint`` and :attr:`value`.
+        """Derivatives of the scalar product of ``adjoint`` and :attr:`value`.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ def acceptance(
 
 
 def accepted(end: End, positions: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """:func:`acceptance` with the triangle rule of a degree.
+    """Result of :func:`acceptance` with the triangle rule of a degree.
 
     Parameters
     ----------
@@ -195,7 +195,8 @@ def radiance(
 
 
 def _cumulative_acceptance(law: AngularLaw) -> tuple[float, Cumulative]:
-    """Integral of response times cosine over all directions, and the fraction of it at angles below given cosines."""
+    """Integral of response times cosine over all directions, and a function that returns the fraction of it at
+    directions whose cosine is at least a given value."""
     angles = np.linspace(0, min(law.spread, np.pi / 2), ANGLES + 1)
     node, weight = gauss(3)
     theta = angles[:-1, None] + np.diff(angles)[:, None] * node

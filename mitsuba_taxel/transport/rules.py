@@ -126,7 +126,7 @@ def rectangle_rule(width: float, depth: float, columns: int, rows: int) -> Rule:
 
 
 def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> Rule:
-    """Rule on a square with a square hole: four rectangles around the hole.
+    """Quadrature rule on a square with a square hole: four rectangles around the hole.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def square_annulus_rule(outer: float, inner: float, along: int, across: int) -> 
 
 
 def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Rule:
-    """Rule on a disc with a round hole: Gauss' rule in r^2, equally spaced in the angle.
+    """Quadrature rule on a disc with a round hole: Gauss' rule in r^2, equally spaced in the angle.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def disc_annulus_rule(outer: float, inner: float, rings: int, spokes: int) -> Ru
 
 
 def polar_rule(target: np.ndarray, count: int) -> Rule:
-    """Rule on the triangle, for functions that grow as 1 / distance from a target.
+    """Quadrature rule on the triangle for functions that grow as 1 / distance from a target.
 
     The target and each side form a triangle, with Gauss' rule along rays from the target. Directions of the rays are
     spaced by a hyperbolic sine, as the target may lie close to a side, in the plane where the triangle is equilateral.

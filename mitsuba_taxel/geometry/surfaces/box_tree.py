@@ -15,7 +15,7 @@ size overlaps some ten others."""
 
 
 class TooManyPairs(GeometryError):
-    """More than :data:`MOST_PAIRS` pairs of boxes overlap."""
+    """Error: more than :data:`MOST_PAIRS` pairs of boxes overlap."""
 
 
 def overlapping(
@@ -82,7 +82,8 @@ class BoxTree:
         return levels
 
     def overlapping(self, levels: list[Level]) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of all pairs of different boxes that overlap or touch, each pair once."""
+        """Numbers (P,) and (P,) of the boxes of all P pairs of different boxes that overlap or touch, each pair
+        once."""
         first: np.ndarray = np.zeros(1, dtype=np.int64)
         second = first
         for level in levels[1:]:
@@ -95,7 +96,8 @@ class BoxTree:
     def overlapping_with(
         self, levels: list[Level], tree: BoxTree, second_levels: list[Level]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of all pairs of a box in this tree and one in another that overlap or touch.
+        """Numbers (P,) and (P,) of the boxes of all P pairs of a box of this tree and a box of another tree that
+        overlap or touch.
 
         Raises
         ------
@@ -112,7 +114,7 @@ class BoxTree:
                 levels[min(depth, len(levels) - 1)], first, second_levels[min(depth, len(second_levels) - 1)], second
             )
             if len(first) > MOST_PAIRS:
-                raise TooManyPairs("too many of its triangles lie across each other")
+                raise TooManyPairs("too many of its triangles lie across each other; repair the surface")
         first, second = _kept(levels[-1], first, second_levels[-1], second)
         return self._order[first], tree._order[second]
 
@@ -122,7 +124,7 @@ def _halves(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _kept(level: Level, first: np.ndarray, second_level: Level, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the given pairs of nodes whose boxes overlap."""
+    """The given pairs of nodes of both trees, without those whose boxes do not overlap."""
     for axis in range(3):
         below = level.low[first, axis] <= second_level.high[second, axis]
         kept = below & (second_level.low[second, axis] <= level.high[first, axis])

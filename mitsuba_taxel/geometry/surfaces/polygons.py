@@ -6,7 +6,7 @@ import numpy as np
 
 
 class NotSimple(Exception):
-    """Edges do not form polygons, or polygons touch themselves or each other."""
+    """Error: edges do not form polygons, or polygons touch themselves or each other."""
 
 
 def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> np.ndarray:
@@ -123,14 +123,15 @@ def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def _unless(strict: bool, makeshift: int) -> int:
-    """The ``makeshift`` result, for loops without a valid choice; raises `NotSimple` if ``strict``."""
+    """The result ``makeshift`` for loops that allow no valid triangulation; raises `NotSimple` if ``strict``."""
     if strict:
         raise NotSimple
     return makeshift
 
 
 def _ears(points: np.ndarray, loop: np.ndarray, strict: bool) -> np.ndarray:
-    """Triangles (T, 3) of a loop: the best-shaped ear, without other corners in it, is cut off first."""
+    """Triangles (T, 3) of a loop by ear clipping; the best-shaped ear that contains no other corner is cut off
+    first."""
     triangles = []
     remaining = loop.tolist()
     while len(remaining) > 3:

@@ -175,12 +175,12 @@ def _split_beside(
 
 
 def _edge_keys(triangles: np.ndarray, vertices: int) -> np.ndarray:
-    """A number (T, 3) for each edge, independent of its direction."""
+    """A number (T, 3) for each edge of T triangles, the same for both directions of an edge."""
     ends = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
     return np.minimum(*ends) * vertices + np.maximum(*ends)
 
 
 def _repeated(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each row's number repeated ``count`` times, and the index of each repetition."""
+    """The number of each row, repeated ``count`` times, and the index of each repetition."""
     rows = np.repeat(np.arange(len(count)), count)
     return rows, np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)

@@ -100,7 +100,7 @@ def _exchanged(
 
 
 def _neighbours(triangles: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (S,) of the triangles with the sides (b, a), and their third corners (S,)."""
+    """Numbers (S,) of the triangles that have the directed sides (b, a), and their third corners (S,)."""
     size = int(triangles.max()) + 1
     sides = triangles.astype(np.int64) * size + np.roll(triangles, -1, axis=1)
     opposite_sides = b.astype(np.int64) * size + a

@@ -10,7 +10,7 @@ from mitsuba_taxel.geometry.surfaces.box_tree import overlapping
 
 
 def area_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Normals of triangles, with their areas as lengths.
+    """Normals of triangles, whose lengths are the areas.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def area_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors of length 1.
+    """Vectors scaled to length 1.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) 
 
 
 def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of a point and a triangle, segment or point whose bounding boxes are near each other.
+    """All pairs of a point and a triangle, segment or point whose bounding box is within ``reach`` of it.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ class Guide:
     def sample(
         self, index: mi.UInt32, uv: mi.Point2f, sample: mi.Point2f, nearness: mi.Float
     ) -> tuple[mi.Point3f, mi.UInt32]:
-        """Sample a point on the triangles of a taxel.
+        """Sample a point on the scattering triangles of a taxel.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class Guide:
         return dr.fma(b - a, barycentric.x, dr.fma(c - a, barycentric.y, a)), triangle
 
     def uv(self, si: mi.SurfaceInteraction3f, member: mi.Bool) -> mi.Point2f:
-        """The point of the unit square that :meth:`uniform` maps to a hit on a triangle."""
+        """The inverse of :meth:`uniform`: the point of the unit square that it maps to a hit on a triangle."""
         if not self.by_distance:
             return mi.Point2f(0)
         a, b, c = self._corners(si.prim_index, member)
@@ -135,7 +135,7 @@ class Guide:
         return mi.Point2f(dr.fma(x, low[2], low[0]), dr.fma(y, low[3], low[1]))
 
     def density(self, index: mi.UInt32, uv: mi.Point2f, target: mi.Point2f) -> mi.Float:
-        """Probability per area of a point of :meth:`sample`.
+        """Probability density per area, 1/mm², with which :meth:`sample` returns a point.
 
         With s = min(2 nearness, 1), the density of uv + s (sample - uv) at a distance d from ``uv`` is D / (2 d), where
         D is the distance from ``uv`` to the edge of the unit square in that direction.
@@ -254,7 +254,7 @@ def _members(
 
 
 def _surface_of(mesh: mi.Mesh) -> CellSurface:
-    """The surface of a mesh that is not a `deformable_pad`; only a user changes such a mesh."""
+    """The surface of a mesh that is not a `deformable_pad`; this package never changes such a mesh."""
     parameters = mi.traverse(mesh)
     vertices = np.array(parameters["vertex_positions"], dtype=float).reshape(-1, 3)
     region, cell = (np.rint(np.array(parameters[f"face_{name}"])).astype(int) for name in ("region", "cell"))

@@ -28,7 +28,7 @@ depend on the path, and is thus the same in both states."""
 
 
 class PairedState:
-    """One state of a scene with one pad.
+    """One of the two states of a scene with one pad.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def _changes(base: PairedState, other: PairedState, pair: TaxelPair, index: mi.U
 
 
 def _connection(scene, sensor, context, bsdf, si, target, clearance, active) -> mi.Float:
-    """Power at a point of the phototransistor per power that arrives at a vertex, times the area."""
+    """Power of a connection from a vertex to a point of the phototransistor, per power that arrives at the vertex."""
     wo = target - si.p
     squared = dr.squared_norm(wo)
     wo /= dr.sqrt(squared)

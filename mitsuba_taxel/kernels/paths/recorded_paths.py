@@ -26,7 +26,7 @@ Trace = Callable[[Any, Any, Any, Any], Any]
 
 
 class RecordedPaths:
-    """Recorded wavefronts of a scene, an attribute of the phototransistor that reads them."""
+    """Recorded kernels of the wavefronts of a scene, cached as an attribute of the phototransistor."""
 
     def __init__(self) -> None:
         self.state: SceneState | None = None
@@ -75,7 +75,8 @@ class RecordedPaths:
         return trace(scene, sampler, index, led_index)
 
     def _of(self, scene: mi.Scene, size: tuple[int, int], objects: tuple[Any, ...]) -> _Recording | None:
-        """The recording for a size of wavefronts; None for the first wavefront of a size, or if it is impossible."""
+        """The recorded kernel for a size of wavefronts; None for the first wavefront of a size, or if recording is
+        impossible."""
         if dr.backend_v(mi.Float) != dr.JitBackend.LLVM or not isinstance(scene, mi.Scene):
             return None
         try:
@@ -93,7 +94,7 @@ class RecordedPaths:
 
 
 class _Recording:
-    """The recording of a wavefront; it has no reference to the scene, which can therefore be deleted."""
+    """The recorded kernel of a wavefront; it has no reference to the scene, which can therefore be deleted."""
 
     def __init__(self) -> None:
         self.trace: Trace | None = None

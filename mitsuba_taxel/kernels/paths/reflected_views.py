@@ -31,7 +31,7 @@ MOST_MIRRORS = 4
 
 
 class ViewRay(NamedTuple):
-    """A ray as it left the phototransistor."""
+    """A ray at the phototransistor from which it starts: origin, direction and density."""
 
     exit_point: mi.Point3f
     direction: mi.Vector3f
@@ -40,7 +40,7 @@ class ViewRay(NamedTuple):
 
 
 class ReflectedEnd(NamedTuple):
-    """The end of a reflected view."""
+    """The point at which a reflected view ends, and the factors of the mirrors on its way."""
 
     si: mi.SurfaceInteraction3f  # at the wall that scatters
     direction: mi.Vector3f  # in which the ray arrives

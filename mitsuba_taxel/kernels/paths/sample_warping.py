@@ -13,7 +13,7 @@ import numpy as np
 
 @dr.syntax
 def descend(splits: mi.Float, depth: mi.UInt32, tree: mi.UInt32, sample: mi.Point2f) -> tuple[mi.UInt32, mi.Point2f]:
-    """The leaf of a sample, and the sample rescaled so that it is uniform within the leaf.
+    """The leaf to which a tree maps a sample, and the sample rescaled so that it is uniform within the leaf.
 
     Parameters
     ----------
@@ -63,8 +63,8 @@ def grid_splits(weight: np.ndarray) -> np.ndarray:
 
 
 def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
-    """Index (rows, columns) of the node of each block of the grid within its level: interleaved bits of column and
-    row."""
+    """Index (rows, columns), within one level of the tree, of the node of each block of the grid: the interleaved bits
+    of column and row."""
     row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     index = np.zeros_like(row)
     row_bits, column_bits = rows.bit_length() - 1, columns.bit_length() - 1
@@ -117,7 +117,7 @@ class MemberTrees:
         self.leaves.ravel()[self._leaf] = np.arange(count)
 
     def splits(self, weight: np.ndarray) -> np.ndarray:
-        """Splits (trees, 2**depth) for members of ``weight`` (M,), not negative."""
+        """Splits (trees, 2**depth) of the trees for M members with weights ``weight`` (M,), which are not negative."""
         splits, below = np.ones(self.leaves.shape, np.float32), np.zeros(self.leaves.shape)
         below.ravel()[self._leaf] = weight
         for level in reversed(range(self.depth)):

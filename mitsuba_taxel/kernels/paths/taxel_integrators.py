@@ -11,7 +11,7 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 
 class TaxelIntegrator(Protocol):
-    """An integrator of this package, which traces pairs of LED and phototransistor."""
+    """Interface of the integrators of this package, which trace pairs of LED and phototransistor."""
 
     def sample_paths(
         self,

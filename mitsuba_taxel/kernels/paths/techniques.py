@@ -48,7 +48,7 @@ density of the direction [1/sr]."""
 
 @dataclass
 class Vertex:
-    """A vertex of a path, with its throughput."""
+    """A vertex of a path, with the power that arrives there and what the weights of techniques need."""
 
     p: mi.Point3f
     n: mi.Normal3f
@@ -73,7 +73,7 @@ class Mirrored:
 
     @classmethod
     def nowhere(cls) -> Mirrored:
-        """The state of a ray that comes from no mirror."""
+        """The properties of a ray that comes from no mirror."""
         return cls(mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0))
 
 
@@ -191,7 +191,7 @@ class Techniques:
         )
 
     def reflect(self, view: View, choice: mi.Float) -> View:
-        """The view that continues as a reflected view where it meets a mirror.
+        """The continuation of a view where it meets a mirror: the reflected view.
 
         Parameters
         ----------

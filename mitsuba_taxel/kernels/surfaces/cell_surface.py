@@ -29,7 +29,8 @@ class CellSurface:
 
     @cached_property
     def middles(self) -> np.ndarray:
-        """Mean position of the triangles of each cell (largest cell + 1, 3)."""
+        """Mean position (largest cell + 1, 3) of the triangles of each cell, mm; row 0 is that of triangles without a
+        cell."""
         cell = np.maximum(self.cell, 0)
         count = np.maximum(np.bincount(cell), 1)
         columns = self.vertices[self.triangles].mean(axis=1).T

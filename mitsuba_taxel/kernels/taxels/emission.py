@@ -144,7 +144,7 @@ class Tabulated:
 
 
 def _direction(sin_theta: mi.Float, cos_theta: mi.Float, turn: mi.Float) -> mi.Vector3f:
-    """A unit vector by its polar angle and its azimuth, ``turn`` in [0, 1) times two pi."""
+    """A unit vector from sine and cosine of its polar angle and from its azimuth, ``turn`` in [0, 1) times two pi."""
     sin_phi, cos_phi = dr.sincos(dr.two_pi * turn)
     return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
 

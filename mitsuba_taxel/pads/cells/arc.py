@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """An arc of a circle in the plane (r, z), over its angle from the r axis.
+    """An arc of a circle in the plane (r, z), as a function of the angle from the r axis.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class Arc:
         return self.centre + self.radius * outwards, self.radius * along, -self.radius * outwards
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest points of the whole circle, as :meth:`Meridian.nearest`."""
+        """The nearest points of the whole circle, as :meth:`Meridian.nearest` returns those of a curve."""
         away = points - self.centre
         distance = np.linalg.norm(away, axis=1)
         along = np.stack([-away[:, 1], away[:, 0]], axis=1) / distance[:, None]

@@ -60,7 +60,7 @@ class BoxFillet(Fillet):
         return box
 
     def _from_core(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Nearest points of the smaller cuboid, and vectors from there."""
+        """Nearest points of the smaller cuboid, and vectors from these to the points."""
         across, top = self.half - self.radius, self.height - self.radius
         nearest = np.clip(points, [-across, -across, -np.inf], [across, across, top])
         return nearest, points - nearest

@@ -15,7 +15,7 @@ from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts
 
 
 class Cap(RoundShaft):
-    """A cylinder with a spherical cap above its rim."""
+    """A cell in the shape of a cylinder with a spherical cap above its rim."""
 
     round_regions = ("roof", "side")
 
@@ -81,7 +81,8 @@ class Cap(RoundShaft):
         return of_quadric(self.side_height / self.top, 2 * self.roof_radius * cap / self.radius**2, points)
 
     def bend_radii(self) -> np.ndarray:
-        """The radius of the sphere; of a leaning cap, which is an ellipsoid, its smallest radius of curvature."""
+        """The radius of the sphere in mm; for a leaning cap, which is an ellipsoid, the smallest radius of
+        curvature."""
         slope = math.hypot(*self.pad.slope)
         if not slope:
             return np.array([self.roof_radius])

@@ -24,7 +24,7 @@ Difference = Callable[[Callable[[Any], np.ndarray]], np.ndarray]
 
 
 class Dimensions(Protocol):
-    """Dimensions of a pad that its cell shape depends on: see `Pad`."""
+    """Interface: the dimensions of a pad on which the shape of its cells depends; see `Pad`."""
 
     @property
     def rows(self) -> int: ...
@@ -151,12 +151,12 @@ class CellShape(Kind, family="cell"):
 
     @property
     def dimensions(self) -> Mapping[str, float]:
-        """The shape's own continuous parameters: values by name."""
+        """Values, by name, of the continuous parameters that only this shape has."""
         own = {name: parameter for name, parameter in self.own_parameters().items() if isinstance(parameter, Number)}
         return {name: self.value(name) for name in own}
 
     def parameters_at(self, dimensions: Mapping[str, float]) -> dict[str, Any]:
-        """Arguments of the pad for new values of `dimensions`.
+        """Arguments with which a pad is constructed to have new values of `dimensions`.
 
         Parameters
         ----------
@@ -171,7 +171,7 @@ class CellShape(Kind, family="cell"):
         return dict(dimensions)
 
     def value(self, name: str) -> Any:
-        """Value of one of the shape's own parameters.
+        """Value of a parameter that only this shape has.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class CellShape(Kind, family="cell"):
         """
 
     def check_side(self, least: float) -> None:
-        """Refuse a side wall that is too low.
+        """Raise `InputError` if the side wall is too low.
 
         Parameters
         ----------
@@ -401,7 +401,7 @@ class CellShape(Kind, family="cell"):
         """
 
     def section(self) -> np.ndarray:
-        """Outline of the wall in the plane along x, for cells that lean in this plane.
+        """Outline of the wall in the x-z plane, for cells that lean in this plane.
 
         Returns
         -------

@@ -14,7 +14,7 @@ from mitsuba_taxel.parameters import Number, Parameter
 
 
 class Frustum(MeridianCell, name="frustum", rank=6):
-    """A cone with a flat roof."""
+    """A cell in the shape of a truncated cone: a conical side and a flat roof."""
 
     meaning = "a cone with a flat roof"
     default_height_words = "1.55"

@@ -5,7 +5,7 @@ from mitsuba_taxel.pads.cells.cell_shape import LightSizes
 
 
 class Hemispheric(Cap, name="hemispheric", rank=4):
-    """A cylinder with a hemispheric roof, which joins the side smoothly."""
+    """A cell in the shape of a cylinder with a hemispheric roof, which joins the side smoothly."""
 
     default_height_words = "0.5 + cell_size / 2"
     has_sharp_rim = False

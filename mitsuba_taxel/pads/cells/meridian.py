@@ -37,7 +37,7 @@ FLAT = 50.0
 
 @dataclass(frozen=True, eq=False)
 class Meridian:
-    """A curve (r, z) in mm over u from 0 to 1, which can be evaluated beyond its ends.
+    """A curve (r, z) in mm, as a function of the parameter u from 0 to 1; it can be evaluated beyond its ends.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Meridian:
         return np.stack([r, z], 1), np.stack([dr, dz], 1), np.stack([(0.5 * ddq - dr**2) / r, ddz], 1)
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest points of the curve, by Newton's method from the nearest of `SAMPLES` points.
+        """The points of the curve nearest to given points, by Newton's method from the nearest of `SAMPLES` points.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class Meridian:
         return u, tangent[:, :, None] * tangent[:, None, :] / hessian[:, None, None]
 
     def along(self, rays: np.ndarray) -> np.ndarray:
-        """Intersections with rays from the origin, around which the curve turns, by Newton's method.
+        """Intersections of the curve with rays from the origin, around which the curve turns, by Newton's method.
 
         Parameters
         ----------
@@ -125,8 +125,8 @@ class Meridian:
         return np.clip(u, 0.0, 1.0)
 
     def _newton(self, u: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """Newton's step towards the nearest points, the tangent, and the second derivative of half the squared
-        distance, which is bounded from below, so that the step always descends."""
+        """Newton step of u towards the nearest points, the tangent, and the second derivative of half the squared
+        distance. The latter is bounded from below, so that the step always reduces the distance."""
         position, tangent, second = self.at(u)
         distance = position - points
         squared_speed = (tangent**2).sum(axis=1)

@@ -55,7 +55,7 @@ class MeridianCell(CellShape):
 
     @property
     def rim(self) -> np.ndarray:
-        """(2,) r and z of the rim, mm."""
+        """Coordinates (2,) r and z of the rim, mm."""
         return self.roof.at(np.ones(1))[0][0]
 
     @property
@@ -167,7 +167,7 @@ def _wall_position(region: str, u: np.ndarray, shape: MeridianCell) -> np.ndarra
 
 @kept(1)  # all cells of a pad are alike
 def _upright(shape: MeridianCell) -> Any:
-    """A cell about the z axis as a solid. A curved roof is interpolated, with an error of about 1e-7 of its size."""
+    """A cell around the z axis as a solid. A curved roof is interpolated, with an error of about 1e-7 of its size."""
     from netgen.occ import Axis, Face, Pnt, Segment, SplineInterpolation, Wire, Z
 
     def at(r: float, z: float) -> Any:
@@ -189,7 +189,8 @@ def _upright(shape: MeridianCell) -> Any:
 
 
 def _of_quarters(half: Any, axis: Any, widest: float) -> Any:
-    """The solid of a square section whose four walls have the outline of a planar face on one side of the axis."""
+    """The solid with square horizontal sections, whose four walls have the outline ``half``, a plane face on one side
+    of the axis."""
     from netgen.occ import Face, Pnt, Segment, Vec, Wire
 
     low, high = (corner.z for corner in half.bounding_box)

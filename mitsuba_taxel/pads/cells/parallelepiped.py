@@ -13,7 +13,7 @@ from mitsuba_taxel.pads.cells.silicone_shifts import shifts_between_planes, wall
 
 
 class Parallelepiped(Shaft, name="parallelepiped", rank=1):
-    """A cuboid with a square section."""
+    """A cell in the shape of a cuboid with a square section."""
 
     is_square = True
     round_regions = ()

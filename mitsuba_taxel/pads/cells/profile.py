@@ -32,7 +32,7 @@ class Profile(MeridianCell, name="profile", rank=5):
 
     @property
     def text(self) -> str:
-        """The control points."""
+        """The control points as text, as in the parameter `profile`."""
         assert self.pad.profile is not None
         return self.pad.profile
 

@@ -37,7 +37,7 @@ class RimFillet(Fillet):
 
     @property
     def rim(self) -> np.ndarray:
-        """(2,) r and z of the sharp rim, mm."""
+        """Coordinates (2,) r and z of the sharp rim, mm."""
         return self.side.at(np.zeros(1))[0][0]
 
     @property
@@ -70,7 +70,7 @@ class RimFillet(Fillet):
         return projected, gradient
 
     def onto_sharp_wall(self, points: np.ndarray) -> np.ndarray:
-        """The points of the sharp wall whose images on the rounded wall are given.
+        """The points of the sharp wall of which given points of the rounded wall are the images.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class RimFillet(Fillet):
         return sharp
 
     def slid(self, points: np.ndarray, origin: RimFillet) -> np.ndarray:
-        """Points of the sharp wall, moved along the roof with the border of the fillet.
+        """Points of the sharp wall after those on the roof have moved along it with the border of the fillet.
 
         Parameters
         ----------
@@ -250,7 +250,7 @@ def _touching_arc(roof: Meridian, side: Meridian, radius: float) -> Arc | None:
 
 
 def _in_plane(points: np.ndarray) -> np.ndarray:
-    """(N, 2) r and z of points (N, 3)."""
+    """Coordinates r and z (N, 2) of points (N, 3)."""
     return np.column_stack([from_axis(False, points)[0], points[:, 2]])
 
 

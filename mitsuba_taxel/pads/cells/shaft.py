@@ -37,12 +37,12 @@ class Shaft(CellShape):
 
     @property
     def levels(self) -> list[float]:
-        """Heights in mm between which displacements are linear outside the cells."""
+        """Heights in mm between which displacements of the silicone beside the cells are interpolated linearly."""
         return [0.0, self.side_height, self.pad.height]
 
     @abstractmethod
     def across(self, points: np.ndarray) -> np.ndarray:
-        """Distance from the axis, in the norm for which all points of the side have the same distance.
+        """Distance from the axis in the norm in which all points of the side are equally distant.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class Shaft(CellShape):
 
 
 class RoundShaft(Shaft):
-    """A cylinder with a flat roof; subclasses may have another roof."""
+    """A cell in the shape of a cylinder with a flat roof; subclasses may have another roof."""
 
     is_square = False
     round_regions: tuple[str, ...] = ("side",)

@@ -5,7 +5,7 @@ from mitsuba_taxel.pads.cells.cell_shape import LightSizes
 
 
 class Spherical(Cap, name="spherical", rank=3):
-    """A cylinder with a cap of a sphere of radius `cell_size`.
+    """A cell in the shape of a cylinder, closed by the cap of a sphere of radius `cell_size`.
 
     The cap is flatter than a hemisphere, so its elements shrink by a power of the relative size only. Elements inside
     keep their default size, and the size grows faster from the wall towards them, which leaves far fewer elements.

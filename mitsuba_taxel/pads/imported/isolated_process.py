@@ -23,7 +23,7 @@ MOST_MEMORY = 8 * 2**30
 
 
 def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:
-    """Run a task of the worker. Data pass through pipes, so that no file is left behind.
+    """Run a task of the script `worker` in a separate process. Data pass through pipes, so that no file is left behind.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ class SingularEdges:
         return on
 
     def nodes_on_planes(self, points: np.ndarray, planes: Sequence[Mirror], tolerance: float) -> np.ndarray:
-        """Mask of the points on such edges along planes of symmetry, where the mesh ends.
+        """Mask of the points on those singular edges that lie in planes of symmetry, where the mesh ends.
 
         Parameters
         ----------
@@ -145,7 +145,8 @@ class SingularEdges:
 
 
 class LocalSizes:
-    """Target length of edges in mm, for elements of about ``mesh_size`` / ``refinement`` mm."""
+    """Function that returns the target length of edges in mm, for elements of about ``mesh_size`` / ``refinement``
+    mm."""
 
     def __init__(
         self, patches: Patches, region: np.ndarray, singular: SingularEdges, mesh_size: float, refinement: float
@@ -155,7 +156,8 @@ class LocalSizes:
         self._tree = PointTree(_along(singular.ends, 0.5 * self._edge))
 
     def __call__(self, points: np.ndarray, belongs: np.ndarray) -> np.ndarray:
-        """Length (N,) at points (N, 3) on the patches given by ``belongs`` (N, P)."""
+        """Target length (N,) of edges in mm at N points (N, 3); ``belongs`` (N, P) is the mask of the patches on which
+        each lies."""
         distance, _ = self._tree.query(points)
         patch_size = np.where(belongs, self._patch, np.inf).min(axis=1)
         return np.minimum(patch_size, self._edge + GRADING * distance)
@@ -191,7 +193,7 @@ def patch_sizes(patches: Patches, region: np.ndarray, mesh_size: float) -> np.nd
 
 
 def _along(ends: np.ndarray, spacing: float) -> np.ndarray:
-    """Points (N, 3) on segments (E, 2, 3), no farther apart than ``spacing``."""
+    """Points (N, 3) along E segments (E, 2, 3), no farther apart than ``spacing``."""
     count = np.ceil(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / spacing).astype(int) + 1
     segment = np.repeat(np.arange(len(ends)), count)
     step = np.arange(len(segment)) - np.repeat(np.cumsum(count) - count, count)

@@ -32,7 +32,7 @@ OFF_CENTRE = 1e-3
 
 
 class Placement(NamedTuple):
-    """Unit and direction of a file.
+    """Unit of length and upward direction of a file of geometry.
 
     Attributes
     ----------

@@ -114,7 +114,7 @@ def tagged(
 
 
 def _standing(surface: FacedSurface, rules: Sequence[Rule]) -> list[str]:
-    """The values of ``up`` with which the surface in a file would be a pad."""
+    """The values of ``up`` with which the surface in a file would be accepted as a pad."""
     directions = []
     for up in DIRECTIONS:
         if up != AS_DRAWN:

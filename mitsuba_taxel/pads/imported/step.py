@@ -83,7 +83,7 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
 
 
 def _read_as(path: Path, placement: Placement) -> dict[str, object]:
-    """Arguments of the worker that describe the file."""
+    """Arguments that describe the file to the tasks of the worker process."""
     up = "" if placement.up == AS_DRAWN else placement.up
     return {"path": str(path), "scale": placement.scale, "turn": placement.turn, "centred": bool(up)}
 
@@ -108,14 +108,14 @@ def _good_mesh(
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Properties of a body before meshing.
+    """Properties of a body of F faces that are computed before it is meshed.
 
     Attributes
     ----------
     volume, diagonal, height : float
         Volume in mm³; diagonal and height in mm.
     mirrors : tuple[Mirror, ...]
-        Mirror planes, closed as a group.
+        Mirror planes, which form a group.
     region, cell : (F,) ndarray
         Code of the region and number of the cell of each face.
     patches : Patches
@@ -142,7 +142,7 @@ class Survey:
 
 @kept(4)  # used again for the second mesh of the error estimate
 def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placement) -> Survey:
-    """Survey of the solid in a STEP file.
+    """Compute the properties of the solid in a STEP file that meshing needs.
 
     Parameters
     ----------
@@ -254,5 +254,5 @@ def _read(raw: dict[str, np.ndarray], survey: Survey) -> tuple[VolumeMesh, np.nd
 
 
 def _by_corners(triangles: np.ndarray) -> np.ndarray:
-    """Order of triangles by their corners, in any rotation."""
+    """Order (T,) that sorts triangles by their corners, irrespective of the corner at which each begins."""
     return np.lexsort(np.sort(triangles, axis=1).T)

@@ -113,8 +113,8 @@ class SurfacePart:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     def exact(self, points: np.ndarray) -> np.ndarray:
-        """Nodes, of which those within rounding errors of the planes of symmetry, the bottom or the top are moved
-        exactly onto these."""
+        """The points, moved exactly onto the planes of symmetry, the bottom or the top if they lie within rounding
+        errors of these."""
         return exactly_on(points, planes_of(self.mirrors), float(self.vertices[:, 2].max()), ROUNDING * self.diagonal)
 
 
@@ -222,7 +222,7 @@ def _meshed(surface_part: SurfacePart, edges: SingularEdges, mesh_size: float, r
 
 
 def _sorted(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles sorted by their corners, in any rotation, and the order."""
+    """Triangles sorted by their corners, irrespective of the corner at which each begins, and the order."""
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)
     return corners[order], order

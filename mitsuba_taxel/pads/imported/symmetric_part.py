@@ -55,7 +55,7 @@ def mirrors_of(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray) 
 
 
 def group_of(mirrors: Iterable[Mirror]) -> tuple[Mirror, ...]:
-    """The group that some mirrors generate."""
+    """All mirrors of the symmetry group that some mirrors generate."""
     generators = set(mirrors)
     if len(generators) > 2:
         return MIRRORS

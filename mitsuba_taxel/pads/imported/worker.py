@@ -237,7 +237,8 @@ def _number_faces(solid: Any) -> None:
 
 
 def _numbers_of_faces(mesh: Any, index: Any) -> Any:
-    """Numbers of the faces of surface elements with Netgen's ``index``; the number of a face is its name."""
+    """Numbers of the faces to which surface elements belong, from Netgen's ``index``; the number of a face is its
+    name."""
     import numpy as np
 
     return np.array([int(mesh.GetBCName(int(i))) for i in range(index.max())])[index - 1]

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class DrawnPad(Dimensions, Protocol):
-    """A pad of cells of one shape, as `Pad` describes it."""
+    """Interface: the properties of a `Pad` that drawing and meshing use."""
 
     @property
     def cell(self) -> str: ...

@@ -78,7 +78,8 @@ def cut_towards(
 
 
 class _CutEdges:
-    """Simplices cut on the edges (E, 2) that have one of the ``singular`` corners at one end, at fractions (E,)."""
+    """Cuts of simplices on E edges (E, 2), each with one of the ``singular`` corners at one end, at fractions (E,) of
+    their length."""
 
     def __init__(self, singular: np.ndarray, edges: np.ndarray, fraction: np.ndarray) -> None:
         self.singular, self.edges, self.fraction = singular, edges, fraction
@@ -144,7 +145,8 @@ def _singular_first(singular: np.ndarray) -> np.ndarray:
 
 
 def _simplices(nodes: np.ndarray, shape: np.ndarray, size: int) -> np.ndarray:
-    """Simplices (M, pieces, size) of pieces with ``nodes``, as numbers into the corners that ``shape`` lists."""
+    """Corners (M, pieces, size), as numbers in ``shape``, of the simplices into which M tetrahedra, prisms, triangles
+    or quadrangles with ``nodes`` are divided."""
     if nodes.shape[1] == size:
         return np.broadcast_to(shape, (len(nodes), 1, size))
     lowest = nodes.argmin(axis=1)

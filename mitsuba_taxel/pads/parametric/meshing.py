@@ -280,7 +280,8 @@ def _local_sizes(pad: DrawnPad, mesh_size: float) -> tuple[float, float]:
 
 
 def _slender_wall(pad: DrawnPad) -> tuple[float, float]:
-    """The thinnest wall, and the largest elements allowed along it: infinite unless the wall is slender. In mm."""
+    """Thickness of the thinnest wall in mm, and the largest size in mm of elements along it, infinite unless the wall
+    is slender."""
     wall = pad.thinnest_wall
     if pad.rows * pad.columns > 1:
         wall = min(wall, pad.pitch - pad.cell_size)
@@ -301,7 +302,7 @@ def _finer_edges(pad: DrawnPad, mesh_size: float) -> float:
 
 
 def _read(mesh: Any, pad: DrawnPad, unit: float) -> VolumeMesh:
-    """The mesh of the symmetric part in mm, with nodes exactly on the planes that they belong to."""
+    """Netgen's mesh of the symmetric part in mm, with nodes moved exactly onto the planes to which they belong."""
     points = unit * np.array(mesh.Coordinates(), dtype=float)
     surface = mesh.Elements2D().NumPy()
     tets = mesh.Elements3D().NumPy()["nodes"][:, _NETGEN_TET].astype(np.int64) - 1
@@ -337,8 +338,8 @@ def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndar
 
 
 def snapped(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
-    """Nodes, of which those within rounding errors of the planes of symmetry, the bottom or the top are moved exactly
-    onto these.
+    """The points, moved exactly onto the planes of symmetry, the bottom or the top if they lie within rounding errors
+    of these.
 
     Parameters
     ----------

@@ -220,7 +220,7 @@ class Pad(Kinded, Displayed):
 
     @property
     def origin(self) -> Pad | None:
-        """The pad whose mesh is moved onto this one; None for a pad that is meshed itself."""
+        """The pad whose mesh is moved onto this pad; None if this pad has a mesh of its own dimensions."""
         return self._read_origin() if self.meshed_as else None
 
     def _read_origin(self) -> Pad:
@@ -275,7 +275,7 @@ class Pad(Kinded, Displayed):
         return self.shape.filleted(self.fillet) if self.fillet else None
 
     def with_fillet(self, radius: float) -> Self:
-        """The same pad with another fillet; it is meshed itself.
+        """The same pad with another fillet, and a mesh that is not moved from another pad.
 
         Parameters
         ----------

@@ -79,7 +79,7 @@ def with_round_rims(mesh: VolumeMesh, pad: DrawnPad, at_sharp_edges: float, mark
 
 
 def _with_round_mouths(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """Nodes (N, 3), of which those on the mouths of cells are moved exactly onto the mouths."""
+    """The N nodes (N, 3), after those at the mouths of cells are moved exactly onto the circles of the mouths."""
     points, mouth = mesh.points.copy(), on_region(mesh, "side") & on_region(mesh, "bottom")
     points[mouth] = _on_circle(pad, points[mouth], 0.5 * pad.cell_size, 0.0)
     return points
@@ -94,7 +94,7 @@ def _on_circle(pad: DrawnPad, points: np.ndarray, radius: float, height: float) 
 
 
 def _cut_between_rims(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
-    """The mesh without elements' edges that connect two nodes of rims directly."""
+    """The mesh after cutting all edges, within elements, that connect two nodes of rims directly."""
     while True:
         on_rim = _on_rims(pad, mesh.points)
         count = len(mesh.points)
@@ -162,7 +162,8 @@ def sharp_nodes(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndar
 def _displacement(
     pad: DrawnPad, mesh: VolumeMesh, points: np.ndarray, onto: Callable[[RimFillet, np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """Displacements (N, 3) of nodes on walls by a projection, and of the midpoints of edges inside with their ends."""
+    """Displacements (N, 3) of nodes: by the projection ``onto`` for nodes on walls, by the mean of the ends for
+    midpoints of edges inside; 0 for others."""
     displacement, edges = np.zeros_like(points), pad.edges
     if not isinstance(edges, RimFillet):
         return displacement
@@ -181,7 +182,7 @@ def _rim(pad: DrawnPad) -> RimFillet:
 
 
 def _within_cells(pad: DrawnPad, points: np.ndarray) -> np.ndarray:
-    """(N, 3) points relative to the middle of the mouth of the nearest cell, mm."""
+    """Positions (N, 3) of points relative to the middle of the mouth of the nearest cell, mm."""
     return points - np.column_stack([nearest_axis(points, pad), np.zeros(len(points))])
 
 

@@ -125,7 +125,7 @@ def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
 
 
 def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """Nodes of a mesh; nodes on roofs and curved walls are moved exactly onto these surfaces.
+    """The nodes of a mesh, after those on roofs and curved walls are moved exactly onto these surfaces.
 
     Parameters
     ----------

@@ -11,7 +11,8 @@ import numpy as np
 
 
 class AngularLaw(Protocol):
-    """A function of the cosine of the angle to the normal, for cosines of at least ``cutoff``; 0 below it."""
+    """Interface of an angular law: a function of the cosine of the angle to the normal, which is 0 below the cosine
+    ``cutoff``."""
 
     @property
     def cutoff(self) -> float:
@@ -26,17 +27,17 @@ class AngularLaw(Protocol):
 
     @property
     def has_kinks(self) -> bool:
-        """Whether the derivative of the law has steps."""
+        """Whether the derivative of the law is discontinuous."""
 
     @property
     def is_peaked(self) -> bool:
         """Whether the law varies much more in some directions than in others."""
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Value and derivative with respect to the cosine, also slightly below the cutoff."""
+        """Value of the law and its derivative with respect to the cosine; also valid slightly below the cutoff."""
 
     def within(self, cosine: np.ndarray) -> np.ndarray:
-        """Integral of the law over all directions of at least these cosines; 0 along the normal."""
+        """Integral of the law over all directions whose cosine is at least ``cosine``; 0 for the cosine 1."""
 
 
 TAIL = 1e-9
@@ -85,7 +86,7 @@ class CosineFactor:
 
 
 def uniform_cone(cosine: float) -> CosineFactor:
-    """The density of directions uniform within a cone.
+    """The density of directions that are uniformly distributed within a cone.
 
     Parameters
     ----------

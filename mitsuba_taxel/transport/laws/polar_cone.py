@@ -74,7 +74,7 @@ class PolarCone:
         return np.linalg.solve(conditions, np.array([value, -height * slope, height**2 * bend, *means]))
 
     def _outer(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Value and derivative of the law with its pole."""
+        """Value and derivative of the exact law, which has a pole on the axis."""
         squared = (1 - cosine) * (1 + cosine)
         value = 1 / (2 * math.pi * self.angle * np.sqrt(squared))
         return value, value * cosine / squared
@@ -90,7 +90,8 @@ class PolarCone:
         )
 
     def within(self, cosine: np.ndarray) -> np.ndarray:
-        """Integral of the law with its pole."""
+        """Integral of the exact law, which has a pole on the axis, over all directions whose cosine is at least
+        ``cosine``."""
         return np.arccos(np.clip(cosine, self.cutoff, 1)) / self.angle
 
 

@@ -54,7 +54,7 @@ class TabulatedLaw:
         return math.acos(self.cosines[np.flatnonzero(outside)[-1]])
 
     def width(self, _: np.ndarray) -> float:
-        """Width of the power of the cosine whose steepest slope equals that of this law."""
+        """Width of that power of the cosine whose largest slope equals the largest slope of this law."""
         return min(self._width, ROUND * self.spread)
 
     @cached_property
@@ -64,7 +64,7 @@ class TabulatedLaw:
 
     @cached_property
     def _beyond(self) -> np.ndarray:
-        """(N,) integrals over all directions beyond the nodes."""
+        """Integrals (N,) of the law over all directions farther from the normal than each of N nodes."""
         means = (self.values[1:] + self.values[:-1]) / 2
         return 2 * math.pi * np.concatenate([[0.0], np.cumsum(means * np.diff(self.cosines))])
 

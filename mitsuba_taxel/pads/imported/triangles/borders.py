@@ -65,8 +65,8 @@ def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: fl
 def _moved_to_borders(
     points: np.ndarray, tets: np.ndarray, edges: np.ndarray, fraction: np.ndarray, crossing_points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The nodes, each moved to a crossing next to it unless this squeezes an element, and a mask (N,) of the moved
-    nodes."""
+    """The nodes, each moved to a point near it where a border crosses an edge, unless this squeezes an element; and a
+    mask (N,) of the moved nodes."""
     result, on_border = points.copy(), np.zeros(len(points), dtype=bool)
     before = volumes(points, tets)
     close = np.minimum(fraction, 1 - fraction)

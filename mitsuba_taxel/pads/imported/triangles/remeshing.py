@@ -97,7 +97,7 @@ class _Surface:
         return result
 
     def _edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Edges (E, 2), their triangles (E, 2), and whether (E,) they lie on a border."""
+        """The E edges (E, 2), their two triangles (E, 2), and a mask (E,) of those on a border."""
         edges, pairs = neighbours(self.triangles)
         return edges, pairs, self.patch[pairs[:, 0]] != self.patch[pairs[:, 1]]
 
@@ -143,7 +143,7 @@ class _Surface:
 
     # -- Short edges --------------------------------------------------------------------------------------------------
     def collapse(self, rounds: int) -> None:
-        """Merge vertices into a neighbour."""
+        """Collapse short edges: merge vertices into a neighbour."""
         random = np.random.default_rng(0)
         idle = 0
         for _ in range(rounds):
@@ -186,7 +186,8 @@ class _Surface:
         self.triangles, self.patch = triangles[kept], self.patch[kept]
 
     def _may_collapse(self, directed: np.ndarray, edges: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Mask (D,): whether the first vertex of each pair may be merged into the second, its neighbour."""
+        """Mask (D,): whether the first vertex of each of D pairs ``directed`` may be merged into the second, its
+        neighbour."""
         count = len(self.points)
         number = np.full(count, -1)
         number[directed[:, 0]] = np.arange(len(directed))

@@ -180,7 +180,8 @@ def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: flo
 
 
 def _overlapping_boxes(corners: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (P,), (P,) of pairs of triangles whose bounding boxes overlap; the first triangle is in the ``block``."""
+    """Numbers (P,) and (P,) of the triangles of P pairs whose bounding boxes overlap; the first triangle of a pair is
+    in the ``block``."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     first, second = overlapping(low[block], high[block], low, high)
     different = block[first] != second

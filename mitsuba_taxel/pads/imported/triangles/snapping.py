@@ -87,7 +87,7 @@ class Patches:
     def nearest_triangle(
         self, points: np.ndarray, normals: np.ndarray, reach: float, sheet: np.ndarray | None = None
     ) -> np.ndarray:
-        """Nearest triangle to each point that faces along a normal.
+        """The nearest triangle to each point, among those that face the same side as the point's normal.
 
         Parameters
         ----------
@@ -186,7 +186,8 @@ class Patches:
 
 
 def _replaced(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
-    """The points, with each number in ``point`` (P,) replaced by the nearest of its candidates ``closest`` (P, 3)."""
+    """The points, of which those numbered in ``point`` (P,) are replaced by the nearest of their candidates ``closest``
+    (P, 3), if it is within reach."""
     best = _nearest(points, point, closest, reach)
     result = points.copy()
     result[point[best]] = closest[best]
@@ -194,7 +195,7 @@ def _replaced(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach:
 
 
 def _nearest(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
-    """Positions in ``closest`` (P, 3) of the candidate nearest to each point, among those within reach."""
+    """Rows of ``closest`` (P, 3) that hold, for each numbered point, the nearest candidate, if it is within reach."""
     distance = np.linalg.norm(closest - points[point], axis=1)
     best = first_of_each(point, distance)
     return best[distance[best] <= reach]
