@@ -118,8 +118,8 @@ cache_limit = _Limit()
 def remove_least_recently_used(largest: int, spared: float = SPARED) -> tuple[int, int]:
     """Remove the least recently used entries until the remaining ones have at most ``largest`` bytes together.
 
-    Entries that a process is computing, or has used in the last ``spared`` seconds, are kept with their locks. Locks of
-    processes that have ended are removed.
+    Entries that a process is computing, or has used in the last ``spared`` seconds, are kept, and so are their locks.
+    Locks of processes that have ended are removed.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ class Cut:
 
 
 def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Weighted sums of nodal values.
+    """Values at points, as weighted sums of values at nodes.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def weighted(weights: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.n
 
 @kept(4)  # the states of a path share their mesh
 def cut_faces(mesh: VolumeMesh, subdivision: int, cells: tuple[int, ...] | None = None) -> Cut:
-    """Subdivide the surface of a mesh.
+    """Subdivide the curved faces of a mesh's surface into triangles.
 
     Parameters
     ----------
@@ -169,7 +169,8 @@ def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
 
 
 def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Barycentric coordinates of the points of a triangle subdivided into n * n triangles, and these triangles."""
+    """Barycentric coordinates of the points of a triangle that is subdivided into n * n triangles, and the points of
+    these triangles."""
     lattice = np.array([(n - i - j, i, j) for j in range(n + 1) for i in range(n + 1 - j)])
     number = {tuple(point): index for index, point in enumerate(lattice[:, 1:].tolist())}
     pattern = []
@@ -182,7 +183,7 @@ def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.ndarray:
-    """Number (F, 3) of segments of each edge of each face.
+    """Number (F, 3) of segments of each edge of each of F faces.
 
     In cells, no segment is longer than those of the longest edge; other edges have two segments, as required by their
     mid-edge nodes.

@@ -252,7 +252,7 @@ def _elastic_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | Non
 def _state_in_time(
     path: PadPath, material: Material | Viscoelastic, history: LoadHistory, obstacles: np.ndarray | None
 ) -> State:
-    """The last state of a pad whose states depend on earlier ones."""
+    """The last state of a load history, for a pad whose states depend on earlier states."""
     kind = PushedPath if path.load.driven is not None else TimedPath
     along = path_along(path, [value for _, value in history])
     return kind.of(along, remembering(material)).state(history, obstacles)

@@ -147,7 +147,8 @@ def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) ->
 
 
 def _covers(legs: Sequence[Leg], line: np.ndarray, distance: float) -> bool:
-    """Whether a straight line (2, 2) lies within a distance in mm of the start of the body or of its legs."""
+    """Whether a straight line, given by its ends (2, 2), lies within a distance in mm of the start of the body or of
+    its legs."""
     count = 2 + int(np.linalg.norm(line[1] - line[0]) / distance)
     points = line[0] + np.linspace(0, 1, count)[:, None] * (line[1] - line[0])
     distances = np.linalg.norm(points, axis=1)
@@ -157,7 +158,7 @@ def _covers(legs: Sequence[Leg], line: np.ndarray, distance: float) -> bool:
 
 
 def _continues(leg: Leg, line: np.ndarray, distance: float) -> bool:
-    """Whether a straight line (2, 2) begins on a leg and continues in its direction."""
+    """Whether a straight line, given by its ends (2, 2), begins on a leg and continues in its direction."""
     start, end = np.array(leg)
     along = (end - start) / max(float(np.linalg.norm(end - start)), TINY)
     across = line - start - np.outer((line - start) @ along, along)
@@ -204,7 +205,7 @@ def _completed(part: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMes
 
 
 def _cells_of_images(mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> np.ndarray:
-    """Number (cells + 1,) of the mirror image of each cell."""
+    """Number (cells + 1,) of the cell that is the mirror image of each cell; cells count from 1."""
     faces, images = (np.sort(nodes[:, :3], axis=1) for nodes in (mesh.faces, image[mesh.faces]))
     own_order, image_order = np.lexsort(faces.T), np.lexsort(images.T)
     cells = np.zeros(mesh.face_cell.max() + 1, dtype=mesh.face_cell.dtype)

@@ -87,7 +87,7 @@ class Location:
         return self._over_nodes(np.einsum("paj,pj->pa", self._slopes, directions))
 
     def _over_nodes(self, of_element: np.ndarray) -> sparse.csr_array:
-        """Weights (P, N), from those of the nodes (P, 10) of the points' elements."""
+        """Weights (P, N) of all N nodes, from the weights (P, 10) of the ten nodes of each point's element."""
         nodes = self.mesh.tets[self.element]
         ends = np.arange(0, nodes.size + 1, nodes.shape[1])
         return sparse.csr_array((of_element.ravel(), nodes.ravel(), ends), shape=(len(nodes), len(self.mesh.points)))
@@ -101,7 +101,7 @@ class Location:
 
 
 class PointLocator:
-    """Locates points in the curved tetrahedra of a mesh."""
+    """Finds the curved tetrahedra of a mesh that contain given points."""
 
     def __init__(self, mesh: VolumeMesh) -> None:
         self.mesh = mesh
@@ -113,7 +113,7 @@ class PointLocator:
         return _Boundary(self.mesh)
 
     def locate(self, points: Sequence[Sequence[float]] | np.ndarray, tolerance: float = 0.0) -> Location:
-        """Elements and reference coordinates of points.
+        """Find the elements that contain points, and the reference coordinates of the points in them.
 
         Parameters
         ----------

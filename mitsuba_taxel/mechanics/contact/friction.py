@@ -60,7 +60,7 @@ class Friction:
         self._rows = [sparse.kron(body.carried, np.eye(3)[axis : axis + 1], format="csr") for axis in range(3)]
 
     def at_rest(self) -> FrictionState:
-        """State of a pad that nothing has touched."""
+        """Friction state of a pad that the indenter has not touched yet: zeros."""
         return FrictionState(*np.zeros((2, len(self._body.node), 3)))
 
     def slip_position(self, displacement: np.ndarray, moved: np.ndarray) -> np.ndarray:

@@ -134,8 +134,8 @@ class Indentation:
 
     @cached_property
     def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sparsity pattern of :attr:`ContactState.rate`: for each product of two functions of a face and each axis, the
-        entry to which it adds; columns of the entries; starts of the rows."""
+        """Sparsity pattern of :attr:`ContactState.rate` as a CSR matrix: the entry to which each product of two
+        functions of a face contributes, for each axis; the columns of the entries; the starts of the rows."""
         count = len(self._mesh.points)
         keys, target = np.unique(self.numbers[:, :, None] * count + self.faces[:, None, :], return_inverse=True)
         starts = 3 * np.searchsorted(keys, count * np.arange(len(self.node) + 1))
@@ -170,7 +170,7 @@ class Indentation:
         pressure: np.ndarray | None = None,
         traction: np.ndarray | None = None,
     ) -> ContactState:
-        """Contact of the displaced indenter with the deformed faces.
+        """Gaps, pressures and forces between the displaced indenter and the deformed faces.
 
         Parameters
         ----------

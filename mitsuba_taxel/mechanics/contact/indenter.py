@@ -127,5 +127,6 @@ class Indenter(Kinded):
 
     @cached_property
     def body(self) -> IndenterShape:
-        """The rigid body of this kind and these dimensions, which gives distances, symmetries, contact and surface."""
+        """The rigid body of this kind and these dimensions, whose methods compute distances, symmetries and the
+        surface."""
         return IndenterShape.named(self.shape)(self)

@@ -77,7 +77,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def digest(self) -> str:
-        """Digest of everything besides the parameters that the body depends on, such as the content of a file.
+        """Digest of what the body depends on besides its parameters, such as the content of a file.
 
         Returns
         -------
@@ -135,7 +135,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def highest(self, points: np.ndarray) -> int:
-        """The point of a pad that determines the start position of the body.
+        """The point of a pad above which the body starts: by default the highest one.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class IndenterShape(Kind, family="indenter"):
 
     @abstractmethod
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances of points from the location where the pressure changes most.
+        """Distances of points from the location where the gradient of the contact pressure is largest.
 
         Parameters
         ----------
@@ -219,7 +219,8 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances of points from the location where the pressure under the rotated body changes most.
+        """Distances of points from the location where the gradient of the contact pressure under the rotated body is
+        largest.
 
         Parameters
         ----------
@@ -248,7 +249,7 @@ class IndenterShape(Kind, family="indenter"):
     @property
     @abstractmethod
     def size_text(self) -> str:
-        """The parameter that makes the body small, with its value, for messages: "indenter_radius = 2"."""
+        """The parameter that determines the size of the body, with its value, for messages: "indenter_radius = 2"."""
 
     @abstractmethod
     def own_surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
@@ -293,7 +294,7 @@ class IndenterShape(Kind, family="indenter"):
 
     @property
     def lift(self) -> float:
-        """Height in mm by which the tilted body is raised, so that its lowest point is the tip."""
+        """Height in mm by which the tilted body is raised, so that its lowest point is at the height of the tip."""
         return 0.0
 
     @property
@@ -317,7 +318,7 @@ class IndenterShape(Kind, family="indenter"):
 
 
 class RoundBody(IndenterShape):
-    """A body of one radius: common base of a ball and a rod.
+    """A body of one radius: common base class of a ball and a rod that lies on the pad.
 
     Attributes
     ----------

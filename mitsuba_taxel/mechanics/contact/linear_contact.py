@@ -21,7 +21,7 @@ CONVERGED = 1e-9
 
 
 def pressures(matrix: np.ndarray, offset: np.ndarray, active: np.ndarray) -> np.ndarray | None:
-    """Contact pressures without friction, a linear complementarity problem.
+    """Contact pressures without friction, by solving a linear complementarity problem.
 
     It is solved by block principal pivoting, which terminates for positive definite matrices (J. J. Judice and F. M.
     Pires, Computers Oper. Res. 21, 1994).

@@ -31,7 +31,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """Downward force of the indenter on the whole pad at a node.
+    """Downward force of the indenter on the whole pad at a node, a solved state, of a segment.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
 
 
 def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """Derivative of the force with respect to the depth at a node.
+    """Derivative of the downward force with respect to the depth at a node, a solved state, of a segment.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import UNSTABLE
 
 
 class LoadPathEnds(ComputationError):
-    """A load path ends before the requested load.
+    """Error: a load path ends before the requested load.
 
     Attributes
     ----------
@@ -41,13 +41,13 @@ class LoadPathEnds(ComputationError):
         self.load, self.value, self.contact = load, value, contact
 
     def at(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same end, described by another load and its value at the end."""
+        """The same error, stated for another load and the value of that load at the end."""
         assert self.load is not None and self.value is not None
         words = str(self).replace(_shown(self.load, self.value), _shown(load, value))
         return LoadPathEnds(words, load, value, self.contact)
 
     def under(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same end, whose message states the force on an indenter, then its displacement."""
+        """The same error, with a message that states the force on an indenter before its displacement."""
         assert self.load is not None and self.value is not None
         driven = _shown(self.load, self.value)
         return LoadPathEnds(str(self).replace(driven, f"{_shown(load, value)}, {driven}"), load, value, self.contact)
@@ -62,7 +62,7 @@ def end_of_path(
     buckled_at: np.ndarray | None,
     folded_at: Place | None = None,
 ) -> LoadPathEnds:
-    """The end of a load path, with its message.
+    """The error that states where and why a load path ends.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ class Obstacles:
         refuse_at_rest(self._test.find_package(np.zeros_like(mesh.points)), mirrors)
 
     def first(self, segment: LoadSegment, pad: Followed) -> tuple[float, Contact] | None:
-        """The first contact along a segment, as far as it is solved.
+        """The first contact with an obstacle along the solved part of a segment.
 
         Parameters
         ----------

@@ -64,7 +64,7 @@ Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Any]]
 
 
 class LoadSegment:
-    """The nodes of a segment solved so far.
+    """A straight segment of a load path: the nodes, solved states, that have been found so far.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class LoadSegment:
                     break
 
     def begin(self, pad: Followed, start: Callable[[], np.ndarray]) -> None:
-        """Solve the first node, unless it is known; its tangent determines the smallest fractions of steps.
+        """Solve the first node, unless it is known; its tangent determines the length of a tick.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class LoadSegment:
 
     @property
     def tick(self) -> float:
-        """Length of the shortest interval."""
+        """Length of a tick, the shortest interval between two nodes, in N, mm or MPa."""
         return self.step / self.ticks
 
     def _between(self, pad: Followed, start: Node, end: Node, fits: bool) -> list[Node]:
@@ -244,7 +244,8 @@ class LoadSegment:
         return node, linearised
 
     def _interpolates(self, pad: Followed, start: Node, end: Node, linearised: Any) -> bool:
-        """Whether the interpolated midpoint is near equilibrium, as measured by one Newton step."""
+        """Whether the interpolated state midway between two nodes is near equilibrium, as measured by one Newton
+        step."""
         if pad.solves_between:
             return True
         middle = 0.5 * (start.s + end.s)

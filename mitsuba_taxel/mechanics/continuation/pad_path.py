@@ -72,7 +72,7 @@ class PadPath(PathStates):
         return pad_path(*arguments, None, self.bodies, self.step_tolerance, self._refinement)
 
     def state(self, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
-        """The deformed pad under a load.
+        """The deformed pad under a value of the load.
 
         Parameters
         ----------
@@ -131,8 +131,8 @@ class PadPath(PathStates):
         )
 
     def bearing(self, value: np.ndarray) -> PadPath:
-        """The path that reaches a value. It is this path or, if the path on which its stability is tested does not bear
-        the load, a path that tests its stability on its own elements."""
+        """The path on which the state under a value is solved: this path, or the same path with stability tested on its
+        own elements, if the path of ``judged_on`` does not bear the load."""
         if self.judge is None:
             return self
         _ = self.judge.mesh  # first, because the mesher makes one mesh at a time
@@ -224,7 +224,8 @@ class PadPath(PathStates):
         return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
 
     def refuse_unresolved(self, value: np.ndarray, displacement: np.ndarray | None, largest: float = LARGEST) -> None:
-        """Refuse elements that are too large for the contact with an indenter in a canonical state.
+        """Refuse elements that are too large for the contact with an indenter in a canonical state (see
+        :class:`PathStates`).
 
         Parameters
         ----------
@@ -258,7 +259,7 @@ def pad_path(
     step_tolerance: float = INTERPOLATION_TOLERANCE,
     refinement: Refinement | None = None,
 ) -> PadPath:
-    """The path of these arguments, shared by all callers; default arguments may be given or omitted.
+    """The load path of these arguments; all callers with equal arguments share one object.
 
     Parameters
     ----------

@@ -28,7 +28,8 @@ class Node:
 
 @dataclass(frozen=True)
 class Interpolated:
-    """A state at or between nodes, its figures, and the seconds that all nodes up to it took.
+    """A state at or between nodes, with its residual, smallest volume ratio and iterations, and the time in s that the
+    solution of all nodes up to it took.
 
     ``iterations`` is 0 between nodes; ``stability_checked`` states whether the stability of the state, or of the nodes
     on both sides, was tested.

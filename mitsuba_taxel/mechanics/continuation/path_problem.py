@@ -30,7 +30,7 @@ _OF_LOCKS = threading.Lock()
 
 
 def lock_of(pad: AnyPad) -> Any:
-    """The lock of a pad. Its paths share meshes, factors and states, to which only one thread may add at a time.
+    """The lock of a pad. Its paths share meshes, factors and states, which only one thread may change at a time.
 
     Paths of different pads share no data that changes, so threads can solve them concurrently.
 
@@ -116,7 +116,8 @@ class PathProblem:
 
     @cached_property
     def images(self) -> dict[Mirror, np.ndarray]:
-        """The mirrors that leave the mesh, the distribution of the load and the bodies unchanged."""
+        """The mirrors that leave the mesh, the distribution of the load and the bodies unchanged, each with the image
+        (N,) of each of the N nodes."""
         images = mirror_images(self.mesh, self.load)
         return {mirror: image for mirror, image in images.items() if self.bodies is None or self.bodies.kept_by(mirror)}
 
@@ -135,7 +136,7 @@ class PathProblem:
 
     @cached_property
     def step(self) -> float:
-        """Change of the load's value in a whole step."""
+        """Change of the load's value in a whole step, in N, mm or MPa."""
         return natural_step(self.mesh, self.material, self.load)
 
     @property

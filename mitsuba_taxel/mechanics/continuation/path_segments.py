@@ -52,7 +52,7 @@ class PathSegments:
         return segments
 
     def towards(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
-        """The segment from a load in a direction.
+        """The segment that begins at a value of the load and follows a direction.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class PathSegments:
         return self.known[index]
 
     def pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
-        """The part of the pad that a segment needs.
+        """The part of the pad, between mirrors, on which a segment is solved.
 
         Parameters
         ----------
@@ -245,11 +245,12 @@ class PathSegments:
 
     @property
     def may_buckle(self) -> bool:
-        """Whether branches are followed."""
+        """Whether paths are followed along branches after buckling."""
         return self._path.judged and self._path.load.indenter is None
 
     def follow_normal(self, value: np.ndarray) -> None:
-        """Solve the normal segment up to the normal part of a load; this determines the symmetries of that state."""
+        """Solve the segment along z up to the z component of a load; its buckling determines the symmetries of the
+        state."""
         if self.may_buckle and len(value) == 3 and value[2] and value[:2].any():
             ((segment, s),) = self.to(np.array([0.0, 0.0, value[2]]))
             if not segment.reaches(s):
@@ -257,7 +258,7 @@ class PathSegments:
                 self.extend(segment, self.pad_for(segment.origin, segment.direction), s, lambda: rest, nothing)
 
     def mirrors_at(self, value: np.ndarray) -> list[Mirror]:
-        """The mirrors that leave the pad unchanged under the normal part of a load."""
+        """The mirrors under which the pad is symmetric when only the z component of a load acts."""
         if not self.may_buckle or len(value) == 1 or not value[:2].any():
             return list(self._path.images)
         normal = np.array([0.0, 0.0, value[2]])

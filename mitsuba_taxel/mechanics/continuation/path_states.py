@@ -62,7 +62,7 @@ class PathStates(PathProblem):
 
     @property
     def driven(self) -> PathStates:
-        """The path of the displacement of the indenter, from which the states under a force follow."""
+        """The load path under a displacement of the indenter, from which the states under a force follow."""
         raise NotImplementedError(f"{self.load} drives no other load")
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
@@ -92,7 +92,8 @@ class PathStates(PathProblem):
     def _canonical_driven(
         self, moved: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-        """See `canonical` of the path of the displacement. If that path ends, the error reports the largest force."""
+        """State of the path under a displacement of the indenter; see :meth:`canonical`. If that path ends, the error
+        reports the largest force."""
         driven = self.driven
         try:
             return driven.canonical(moved, mirrors, obstacles)
@@ -142,7 +143,7 @@ class PathStates(PathProblem):
         return displacement, pressure
 
     def _rate(self, value: np.ndarray, mirrors: list[Mirror]) -> PathRate | None:
-        """Rate of a canonical state along its path, mapped back by the ``mirrors`` that led there."""
+        """Derivative of a canonical state along its path, mapped back by the ``mirrors`` that led there."""
         if not value.any():
             return None
         if self.load.driven is not None:

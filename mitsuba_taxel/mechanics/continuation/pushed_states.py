@@ -100,7 +100,7 @@ class PushedStates:
         tangent, little = self._tangent(pad), SMALL * segment.step
 
         def correction(rate: np.ndarray) -> np.ndarray | None:
-            """Correction of the unknowns by the change of the out-of-balance forces along the rate."""
+            """Correction of the unknowns that reduces the change of the out-of-balance forces along the ``rate``."""
             ahead, behind = (
                 pad.correction(tangent, unknowns + change * rate, segment.value(s + change))
                 for change in (little, -little)
@@ -111,7 +111,7 @@ class PushedStates:
         return accelerated(start, correction, displacements, INTERPOLATION_TOLERANCE)[0]
 
     def _first_rate(self, pad: LoadedPad, segment: LoadSegment) -> np.ndarray:
-        """Rate of the unknowns where the segment begins."""
+        """Derivative of the unknowns with respect to the distance, at the start of the segment."""
         return self._tangent(pad).step(pad.model.load_rate(self._state[0][pad.part.nodes], segment.direction, None))
 
     def _tangent(self, pad: LoadedPad) -> SplitTangent:

@@ -92,7 +92,8 @@ class SolvedStates:
             cache.store(cache.key("state", self._segments.name_of(segment), node.s), cache.arrays_of(node))
 
     def state(self, part: LoadSegment | BuckledBranch, s: float, pad: LoadedPad) -> Interpolated:
-        """The state at a distance that a curve of the path reaches: solved, or interpolated within the tolerance.
+        """The state at a distance along a segment or branch that has been extended this far: solved, or interpolated
+        within the tolerance.
 
         Parameters
         ----------
@@ -159,7 +160,7 @@ class SolvedStates:
         return None if self._path.contact.find(pad.split(state.unknowns)[0]) else state
 
     def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
-        """Derivative with respect to the distance, for the unknowns of a state of :meth:`beside`.
+        """Derivative of the unknowns of a state of :meth:`beside` with respect to the distance.
 
         Parameters
         ----------
@@ -190,7 +191,7 @@ class SolvedStates:
         return rates[s]
 
     def pushed_from(self, normal: np.ndarray) -> PushedStates:
-        """States under a normal force (3,) and small tangential ones."""
+        """States under a normal force (3,) and small tangential forces."""
         assert self._state_under is not None
         displacement, pressure = self._state_under(normal)
         pad = self._segments.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))

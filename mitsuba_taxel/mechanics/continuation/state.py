@@ -46,7 +46,8 @@ NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
 class StateComparison(NamedTuple):
-    """Comparison of a state with a second mesh, as in :class:`State`, and the seconds of its equilibria.
+    """Errors of a state from the comparison with a second mesh, as in :class:`State`, and the time in s that its
+    equilibria took.
 
     ``deviate`` computes the deviations, which only readings need.
     """
@@ -58,11 +59,11 @@ class StateComparison(NamedTuple):
 
 
 def _no_rate() -> None:
-    """Rate of a state that is not on a path."""
+    """None: the derivative of a state that is not on a load path."""
 
 
 class PathRate(NamedTuple):
-    """Rate of a state along its path, as in :class:`State`."""
+    """Derivative of a state along its load path; see ``path_rate`` of :class:`State`."""
 
     direction: np.ndarray
     displacement: np.ndarray

@@ -223,7 +223,7 @@ class LinearisedState:
         adjoints: dict[TangentBlock, np.ndarray] = {}
 
         def along(push: Push) -> float:
-            """Derivative of L for a change that causes these forces."""
+            """Derivative of L with respect to a parameter, from the forces that the parameter causes per unit."""
             total = 0.0
             for block, forces in push.items():
                 if block not in adjoints:
@@ -239,7 +239,8 @@ class LinearisedState:
         return Gradient(value, material, {name: along(push) for name, push in pushes.items()})
 
     def _response(self, push: Push, gaps: Push | None = None) -> np.ndarray:
-        """Rate (N, 3) of the displacement under forces; a prescribed plate moves by ``gaps``, or is fixed."""
+        """Derivative (N, 3) of the displacement with respect to a parameter that causes the forces ``push`` per unit; a
+        plate with a prescribed displacement moves by ``gaps`` per unit, or is fixed."""
         total = np.zeros_like(self.displacement)
         for block, forces in push.items():
             total += block.displacement(self._solved(block, forces, gaps[block] if gaps else None))
@@ -259,7 +260,7 @@ class LinearisedState:
         return self._tangents[model]
 
     def _on(self, block: TangentBlock) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement and pressure on the part of a block."""
+        """Displacement and pressure on the part of the pad on which a block of the tangent is solved."""
         return block.model.part.restrict(self.displacement, self.pressure)
 
     def _strained_elements(self, block: TangentBlock) -> StrainedElements:
@@ -316,7 +317,8 @@ class LinearisedState:
 
     @cached_property
     def _plate_rates(self) -> list[np.ndarray]:
-        """Derivatives (N, 3) of the displacement with respect to each component of a driven plate's displacement."""
+        """Derivatives (N, 3) of the displacement with respect to each component of the prescribed displacement of the
+        plate."""
         return [self.by_value(unit) for unit in np.eye(self._pad.load.components)]
 
 
@@ -370,7 +372,7 @@ class PressedState(LinearisedState):
         return rate - gain / self._stiffness * self._by_height
 
     def _gain_by_material(self, name: str) -> float:
-        """Change of the force in N per unit of a material parameter, by the contact stiffness."""
+        """Change of the force on the indenter in N per unit of a material parameter, at constant displacements."""
         material = self._pad.material
         modulus = material_rate(lambda other: np.array(other.youngs_modulus), material, name)
         return float(modulus) / material.youngs_modulus * float(self._contact_state.force[2])

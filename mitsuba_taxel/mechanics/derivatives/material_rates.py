@@ -64,5 +64,5 @@ def _allows(material: Material, name: str, value: float) -> bool:
 
 
 def _scale(material: Material, name: str) -> float:
-    """Scale of a parameter that is 0: 1 for Poisson's ratio, else the shear modulus."""
+    """Scale of the change of a parameter whose value is 0: 1 for Poisson's ratio, else the shear modulus."""
     return 1.0 if name == "poisson_ratio" else material.shear_modulus

@@ -67,7 +67,7 @@ def linearise(state: State) -> LinearisedState:
 
 
 def mirrors_of_state(state: State) -> tuple[Mirror, ...]:
-    """The common symmetries of pad and state."""
+    """The mirrors under which both the pad and its state are symmetric."""
     images = mirror_images(state.mesh, state.load)
     largest = np.abs(state.displacement).max()
 

@@ -115,11 +115,11 @@ class Assembly:
         return InternalForces(self.over_unknowns(state.forces, state.volumes), entries, state.min_jacobian)
 
     def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
-        """The lower triangle over the unknowns, from the entries at a state."""
+        """Lower triangle of the tangent over the unknowns, from its entries at a state."""
         return self._pattern.matrix(entries)
 
     def over_unknowns(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
-        """Sum (unknowns,) of element forces (m, 10, 3) and volumes (m, 4) on each unknown."""
+        """Sum (unknowns,), for each unknown, of the forces (m, 10, 3) and volumes (m, 4) of m elements."""
         degrees = 3 * self.elements.nodes[:, :, None] + np.arange(3)
         displacements = np.bincount(degrees.ravel(), forces.ravel(), 3 * self._nodes)
         corners = len(self.numbering.unknown) - 3 * self._nodes

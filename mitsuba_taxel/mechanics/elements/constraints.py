@@ -59,18 +59,19 @@ class Numbering:
         return unknowns
 
     def summed(self, forces: np.ndarray) -> np.ndarray:
-        """Sum (unknowns,) of nodal forces (N, 3) on each unknown."""
+        """Sum (unknowns,), for each unknown, of the forces (N, 3) on the degrees of freedom that equal it."""
         return self.over_unknowns(np.concatenate([forces.ravel(), np.zeros(len(self.unknown) - forces.size)]))
 
     def over_unknowns(self, residual: np.ndarray) -> np.ndarray:
-        """Sum (unknowns,) of forces and volumes (3 N + corners,) on each unknown."""
+        """Sum (unknowns,), for each unknown, of the forces and volumes (3 N + corners,) of the degrees of freedom that
+        equal it."""
         free = self.unknown >= 0
         total = self.displacements + self.pressures
         return np.bincount(self.unknown[free], (self.sign * residual)[free], total)
 
     @property
     def plate_unknowns(self) -> np.ndarray:
-        """Unknowns (k,) that move the plate."""
+        """Numbers (k,) of the unknowns that are components of the plate's displacement."""
         assert self.plate is not None
         return np.unique(self.plate[self.plate >= 0])
 
@@ -88,7 +89,8 @@ class Numbering:
         return np.where(self.plate >= 0, self.plate_sign * forces[self.plate] / sharing, 0.0)
 
     def plate_values(self, displacement: np.ndarray) -> np.ndarray:
-        """(k,) values of :attr:`plate_unknowns` for a displacement (3,) of the plate that its constraints allow."""
+        """Values (k,) of the unknowns :attr:`plate_unknowns` for a displacement (3,) of the plate that its constraints
+        allow."""
         assert self.plate is not None and self.plate_sign is not None
         first = [int(np.flatnonzero(self.plate == unknown)[0]) for unknown in self.plate_unknowns]
         return (self.plate_sign * displacement)[first]

@@ -22,7 +22,7 @@ Forces = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Some of the elements at a state.
+    """A chunk of m elements at a state, with q quadrature points each.
 
     ``deformed`` is F. All other fields are arguments and results of the law. Where the law is linear, these use the
     identity as F, and ``small`` is the small strain.
@@ -38,7 +38,8 @@ class _Chunk:
     small: SmallStrain | None
 
     def stress(self, material: Material) -> tuple[np.ndarray, np.ndarray]:
-        """First Piola-Kirchhoff stress (m, q, 3, 3) in MPa with a material, and relative excess of volume (m, q)."""
+        """First Piola-Kirchhoff stress (m, q, 3, 3) in MPa of a material, and the residual (m, q) of the equation
+        between volume ratio and pressure."""
         inverse = self.cofactor / self.determinant[..., None, None]
         stress = material.stress(self.gradient, self.determinant, inverse)
         stress = stress + self.pressure[..., None, None] * self.cofactor
@@ -71,7 +72,7 @@ class StrainedElements:
         self._chunks = in_turns(chunk_at, len(elements.nodes))
 
     def of(self, material: Material) -> Forces:
-        """Forces and volumes of all elements with another material."""
+        """Forces and volumes of all elements if they had another material."""
 
         def forces(chunk: _Chunk) -> Forces:
             stress, excess = chunk.stress(material)

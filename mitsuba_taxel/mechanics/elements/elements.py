@@ -277,12 +277,13 @@ class Elements:
         return self._by_node[here] @ _columns(self.weight[here], stress)
 
     def on_corners(self, here: slice, excess: np.ndarray) -> np.ndarray:
-        """Volumes at the corners, (m, 4) in mm³, from relative volumes (m, q) at the quadrature points of m
-        elements."""
+        """Volumes at the corners of m elements, (m, 4) in mm³: integrals of relative volumes (m, q) at the quadrature
+        points times the shape functions of the corners."""
         return (self.weight[here] * excess) @ _PRESSURE_SHAPES
 
     def pressures(self, here: slice, pressure: np.ndarray) -> np.ndarray:
-        """Pressure (m, q) in MPa at the quadrature points of a slice of elements, from that at the corners (C,)."""
+        """Pressure (m, q) in MPa at the quadrature points of a slice of m elements, from the pressure (C,) at all C
+        corners."""
         return pressure[self.corners[here]] @ _PRESSURE_SHAPES.T
 
     def gradient(self, here: slice | np.ndarray, field: np.ndarray) -> np.ndarray:

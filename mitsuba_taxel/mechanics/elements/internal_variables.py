@@ -135,7 +135,8 @@ class InternalVariables:
         return InternalVariables(stress, term_stress, error, np.zeros_like(stress), rate, step)
 
     def _weights(self, material: Viscoelastic, step: float, growth: Growth | None) -> tuple[np.ndarray, np.ndarray]:
-        """Weights of :meth:`_initial_change`, and of the change of S, for the terms at the end of a step; each (k,)."""
+        """Weights (k,) and (k,) with which :meth:`_initial_change` and the change of S contribute to the k terms at the
+        end of a step."""
         if growth is None:
             ramp = material.shares * material.over(step).ramp
             return 0 * ramp, ramp
@@ -143,7 +144,7 @@ class InternalVariables:
         return material.shares * (first - square), material.shares * square
 
     def _initial_change(self, growth: Growth) -> np.ndarray:
-        """Change (m, q, 6) in MPa of S over a whole growth if its rate stayed constant at the rate at the start."""
+        """Change (m, q, 6) in MPa of S over a whole step if S were linear in the growth, with its rate at the start."""
         assert self.rate is not None
         return self.rate / growth.rate(0.0)
 
@@ -199,7 +200,7 @@ class InternalVariables:
         return self.error.sum(axis=0) + (1 - float(material.shares.sum())) * self.law_error
 
     def overstress(self, material: Viscoelastic) -> np.ndarray:
-        """Stress (m, q, 6) in MPa in addition to that of the law."""
+        """Stress (m, q, 6) in MPa in addition to the stress S of the instantaneous law."""
         return self.term_stress.sum(axis=0) - float(material.shares.sum()) * self.stress
 
     def on(self, part: SymmetricPart, whole: VolumeMesh, own: SymmetricPart) -> InternalVariables:

@@ -19,7 +19,7 @@ LOAD_STEP = 1e-4
 def load_rate(
     mesh: VolumeMesh, material: Material, load: Load, displacement: np.ndarray, value: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
-    """Rate of the nodal forces of a load on a whole pad.
+    """Derivative of the nodal forces of a load on a whole pad with respect to a shape parameter.
 
     A spread force keeps its total, a patch its position in space, a pressure follows the surface, an indenter keeps its
     height above the pad; loads on a bonded plate do not change.

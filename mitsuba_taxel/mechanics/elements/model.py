@@ -25,7 +25,7 @@ from mitsuba_taxel.pads.regions import REGIONS
 
 @dataclass(frozen=True)
 class Configuration:
-    """A pad at a state, not necessarily in equilibrium.
+    """Residual and tangent of a pad at a state that need not be in equilibrium.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ class Model:
         return Configuration(internal.residual - load, load, entries, internal.min_jacobian, contact_state)
 
     def constraints(self, displacement: np.ndarray, value: np.ndarray) -> LoadConstraints:
-        """Constraints of the load at a state.
+        """Constraint rows of the load at a state.
 
         Parameters
         ----------
@@ -186,12 +186,13 @@ class Model:
         return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
 
     def over_unknowns(self, rows: sparse.csr_array) -> sparse.csr_array:
-        """Rows (k, unknowns) from rows (k, 3 n) over nodal displacements."""
+        """Linear combinations (k, unknowns) of the unknowns, from linear combinations (k, 3 n) of the displacements of
+        n nodes."""
         return rows @ self._displacements_of_unknowns
 
     @cached_property
     def _displacements_of_unknowns(self) -> sparse.csr_array:
-        """Nodal displacements (3 n, unknowns) of each unknown."""
+        """Matrix (3 n, unknowns) from the unknowns to the displacements of the n nodes."""
         degrees = 3 * len(self.mesh.points)
         free = np.flatnonzero(self.numbering.unknown[:degrees] >= 0)
         entries = self.numbering.sign[free], (free, self.numbering.unknown[free])
@@ -291,7 +292,7 @@ class Model:
 
     @cached_property
     def _determinants(self) -> np.ndarray:
-        """Result of :func:`map_determinants` for the undeformed elements."""
+        """Determinants (m, 10) in mm³ of the maps of the m undeformed elements at their nodes."""
         return map_determinants(self.mesh.points, self.mesh.tets)
 
     @cached_property

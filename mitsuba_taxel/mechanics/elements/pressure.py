@@ -36,7 +36,8 @@ def pressure_forces(positions: np.ndarray) -> np.ndarray:
 
 
 def pressure_stiffness(positions: np.ndarray) -> np.ndarray:
-    """Symmetric part (B, 18, 18) of the derivative of :func:`pressure_forces` by the positions of the nodes."""
+    """Symmetric part (B, 18, 18) of the derivative of :func:`pressure_forces` with respect to the positions of the
+    nodes."""
     along_xi, along_eta = _BY_XI @ positions, _BY_ETA @ positions
     cross_xi, cross_eta = (_cross_matrices(v) for v in (along_xi, along_eta))
     weighted = _WEIGHTS[:, None] * _VALUES

@@ -70,7 +70,8 @@ class Sparsity:
         return np.concatenate(sums)
 
     def add_blocks(self, entries: np.ndarray, nodes: np.ndarray, matrices: np.ndarray) -> None:
-        """Add symmetric matrices (n, 3 k, 3 k) over the displacements of nodes (n, k) of a common element."""
+        """Add n symmetric matrices (n, 3 k, 3 k) over the displacements of k nodes each; the nodes (n, k) of a matrix
+        belong to one element."""
         order = np.argsort(nodes, axis=1)
         nodes = np.take_along_axis(nodes, order, axis=1)
         first, second = np.tril_indices(nodes.shape[1])
@@ -82,7 +83,7 @@ class Sparsity:
 
 
 class _Merged:
-    """Groups of equal pairs of numbers below ``size``, and sums of values over each group."""
+    """Groups of equal pairs (first, second) of numbers below ``size``, for sums of values over each group."""
 
     def __init__(self, first: np.ndarray, second: np.ndarray, size: int) -> None:
         first, second = (array.ravel() for array in np.broadcast_arrays(first, second))

@@ -40,7 +40,7 @@ def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
         return np.lexsort((points + 0.0).T)  # no negative zeros
 
     def cells(image: np.ndarray) -> list[np.ndarray]:
-        """Images of elements, and of faces with their regions, as sorted rows of numbers."""
+        """Node numbers of the mirrored elements and faces as sorted rows, with the regions of the faces."""
         rows = []
         for nodes, tags in ((mesh.tets[:, :4], []), (mesh.faces, [mesh.face_region])):
             ascending = np.sort(image[nodes], axis=1)
@@ -106,7 +106,8 @@ class SymmetricPart:
 
     @cached_property
     def components(self) -> tuple[np.ndarray, np.ndarray]:
-        """Index (N, 3) of the displacement component of the part for each component of the whole, and its sign."""
+        """Index (N, 3) of the component of the part's displacement that each component of the whole pad's displacement
+        equals, and the sign of the relation."""
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
     def element_images(self, whole: VolumeMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -192,8 +193,8 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
 
 
 def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
-    """Orthogonal matrices (N, 3, 3) from vectors at the image on the kept side of a group to vectors at each position
-    (N, 3)."""
+    """Orthogonal matrices (N, 3, 3) that map vectors at the image of each position (N, 3) on the kept side of a group
+    to vectors at the position."""
     turn = np.broadcast_to(np.eye(3), (len(position), 3, 3)).copy()
     for mirror in group:
         beyond = mirror.side(position) < 0
@@ -232,7 +233,8 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
 
 
 def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
-    """Signs at the mirror planes of the symmetric part, for pieces that are cut along all mirror planes but the last.
+    """Signs at the mirror planes of the symmetric part for the stability test by pieces, which are cut along all mirror
+    planes but the last.
 
     Each displacement of the whole pad is a displacement of the pieces, and each displacement of the pieces is the sum
     of a symmetric and an antisymmetric displacement under the last mirror. The result is empty if this does not reduce

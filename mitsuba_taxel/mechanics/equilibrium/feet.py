@@ -87,8 +87,8 @@ def couple_held(
 ) -> np.ndarray:
     """Moment of the nodal forces of the linear law at the feet.
 
-    The moment of other laws is zero. The linear law is valid for small rotations only, and resists larger ones like the
-    board to which the feet are glued.
+    The moment of other laws is zero. The linear law is valid for small rotations only; it resists larger rotations with
+    a moment, as if the feet were held by the board.
 
     Parameters
     ----------

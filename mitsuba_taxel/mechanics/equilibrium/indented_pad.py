@@ -59,7 +59,7 @@ class IndentedPad(LoadedPad):
     def friction_state_at(
         self, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> FrictionState | None:
-        """State of friction at an equilibrium.
+        """History variables of friction at an equilibrium.
 
         Parameters
         ----------
@@ -254,7 +254,7 @@ class IndentedPad(LoadedPad):
         return length, state
 
     def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
-        """The pad linearised at a state, with a factor of its tangent."""
+        """The contact problem of the pad linearised at a state, from a factor of its tangent."""
         return _LinearContact(self, factor, _contact_state_of(state), factor.negative_pivots - self.numbering.pressures)
 
     def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
@@ -271,7 +271,8 @@ class IndentedPad(LoadedPad):
     def _under_forces(
         self, unknowns: np.ndarray, value: np.ndarray, forces: np.ndarray, with_tangent: bool, history: History
     ) -> Configuration:
-        """The pad under ``forces`` (m, 3) in MPa: pressures, and tractions along two tangents."""
+        """Residual and tangent of the pad under ``forces`` (m, 3) in MPa at the m contact nodes: pressures, and
+        tractions along two tangents."""
         displacement, pressure = self.numbering.split(unknowns)
         traction = None
         if self.friction is not None:
@@ -333,7 +334,7 @@ class IndentedPad(LoadedPad):
 
 
 class _LinearContact:
-    """A pad linearised at a state, and the nodes that an indenter may touch.
+    """Contact problem of a pad linearised at a state and the nodes that an indenter may touch.
 
     Parameters
     ----------
@@ -363,8 +364,8 @@ class _LinearContact:
     def step(self, state: Configuration, forces: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Step to a stable equilibrium of the linear pad and the indenter.
 
-        By the Schur complement of the pad's unknowns: gaps are linear in the pressures, with the flexibility of the pad
-        at the candidates for contact as their matrix, which is small.
+        The unknowns of the pad are eliminated (Schur complement): gaps are then linear in the pressures. Their small
+        matrix is the flexibility of the pad at the nodes that may come into contact.
 
         Parameters
         ----------

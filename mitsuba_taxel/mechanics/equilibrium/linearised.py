@@ -131,7 +131,7 @@ class Linearised:
         return solution
 
     def stiffness(self, mode: np.ndarray) -> float:
-        """Stiffness in N/mm against a mode over the unknowns."""
+        """Stiffness in N/mm against a mode, a vector over the unknowns: the quadratic form of the tangent."""
         return float(mode @ symmetric_product(self._lower, mode))
 
     @cached_property

@@ -339,7 +339,7 @@ class LoadedPad(MeshedPad):
     def figures_at(
         self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool, history: History = NO_HISTORY
     ) -> Solution:
-        """The solution of interpolated unknowns, with its residual.
+        """The solution with given unknowns, such as interpolated ones, and its residual and smallest volume ratio.
 
         Parameters
         ----------
@@ -424,7 +424,7 @@ class LoadedPad(MeshedPad):
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
     def _accepted(self, balanced: Balanced, checked: bool) -> Solution:
-        """The solution of an equilibrium; raises Rejected if an element is inverted at a node."""
+        """The result of Newton's method as a solution; raises Rejected if an element is inverted at a node."""
         nodal = self.model.least_nodal_jacobian(self.numbering.split(balanced.unknowns)[0], self._judged_nodes)
         if not nodal > 0:
             raise Rejected(f"an element would be inverted at a node (J = {nodal:.2g})")

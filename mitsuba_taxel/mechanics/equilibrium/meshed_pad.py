@@ -115,7 +115,7 @@ class MeshedPad:
         return guess
 
     def ticks(self, response: np.ndarray) -> int:
-        """Number of ticks (smallest fractions of a step), from the first-order change of the unknowns by a step."""
+        """Number of ticks (smallest fractions of a step), from the first-order change of the unknowns in a step."""
         return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
@@ -173,7 +173,7 @@ class MeshedPad:
     def rate_in_time(
         self, linearised: Linearised, unknowns: np.ndarray, rate: np.ndarray, value: np.ndarray, stress: np.ndarray
     ) -> np.ndarray:
-        """Rate of the unknowns in equilibrium, with the rates of the load and of an additional stress.
+        """Rate of the unknowns in equilibrium, from the rates of the load and of an additional stress.
 
         Parameters
         ----------
@@ -229,7 +229,7 @@ class MeshedPad:
         return linearised.step(residual, self._plate_gap(unknowns, value))
 
     def response(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Response to an additional second Piola-Kirchhoff stress, by a nearby factor.
+        """Change of the unknowns due to an additional second Piola-Kirchhoff stress, to first order.
 
         Parameters
         ----------

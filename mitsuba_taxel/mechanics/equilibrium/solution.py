@@ -57,12 +57,13 @@ class Solution:
 
 
 class Rejected(Exception):
-    """A step without an acceptable state, for the reason in the message."""
+    """Raised for a step that leads to no acceptable state; the message states the reason."""
 
 
 @dataclass(frozen=True)
 class Balanced:
-    """Result of Newton's method: unknowns, the pad there, remaining error, iterations.
+    """Result of Newton's method: the unknowns, residual and tangent of the pad there, remaining error, and number of
+    iterations.
 
     ``linearised`` is the last factored tangent, if any; its state is at a ``distance`` in mm from the result.
     """

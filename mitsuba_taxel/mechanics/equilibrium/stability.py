@@ -164,7 +164,7 @@ class _Pieces:
             return False
 
     def with_pressure(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """The entries, plus the entries for the pressure in the cuts."""
+        """Entries of the tangent, including those of the pressure that acts in the cuts."""
         displacement, pressure = self._model.part.restrict(displacement, pressure)
         in_cuts = pressure[self._cuts[:, :3]].mean(axis=1)
         stiffness = in_cuts[:, None, None] * pressure_stiffness((self._model.mesh.points + displacement)[self._cuts])
@@ -175,7 +175,7 @@ class _Pieces:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Displacements of one symmetry type under the mirrors."""
+    """A block of the tangent: that of the displacements of one symmetry type under the mirrors."""
 
     model: Model
     solver: Solver

@@ -34,7 +34,7 @@ antisymmetric ones. Averaging under one mirror after the other, in this order, g
 
 
 class TangentBlock:
-    """The displacements of a pad of one symmetry type under the mirrors of its state.
+    """A block of the tangent: that of the displacements of one symmetry type under the mirrors of a pad's state.
 
     Parameters
     ----------
@@ -109,7 +109,8 @@ class TangentBlock:
     def factored(
         self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
     ) -> Linearised:
-        """The factored tangent of given entries, where the part has a ``displacement`` (n, 3) under a load's ``value``.
+        """The factored tangent from its entries, at a ``displacement`` (n, 3) of the part under the ``value`` of a
+        load.
 
         Parameters
         ----------
@@ -159,7 +160,7 @@ class TangentBlock:
     def _lower(
         self, entries: np.ndarray, displacement: np.ndarray, contacts: Contacts | None, steady: bool = False
     ) -> sparse.csc_matrix:
-        """Lower triangle of the tangent, with that of contact."""
+        """Lower triangle of the tangent, including the contact stiffness."""
         lower, symmetric_part = self.model.assembly.matrix(entries), self.model.part
         if contacts is None:
             return lower
@@ -302,7 +303,8 @@ class SplitTangent:
 
 
 def _over_unknowns(pad: LoadedPad, fields: sparse.csr_array) -> sparse.csr_array:
-    """Rows over the unknowns of a pad, from those over displacements and pressures of the whole."""
+    """Linear combinations of the unknowns of a pad, from linear combinations of the displacements and pressures of the
+    whole pad."""
     numbering, nodes, source = pad.numbering, len(pad.whole.points), pad.part.nodes
     of_whole = [(3 * source[:, None] + np.arange(3)).ravel(), 3 * nodes + source[: pad.part.mesh.corner_count]]
     free = np.flatnonzero(numbering.unknown >= 0)

@@ -231,12 +231,13 @@ class RoofComparison:
         return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Least error minus estimated error along the displacement, relative to the displacement."""
+        """Amount by which the estimated error along the displacement is below the least stated error, relative to the
+        displacement."""
         short = self._short(moved, difference)
         return math.copysign(max(self._least - abs(short), 0.0), short)
 
     def _short(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Estimated mean error by which the displacement of the roofs is too small, relative to the displacement."""
+        """Estimated mean amount by which the displacement of the roofs is too small, relative to the displacement."""
         square = self._weight @ (moved**2).sum(axis=1)
         return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 

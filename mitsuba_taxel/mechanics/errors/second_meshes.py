@@ -57,7 +57,7 @@ Result = TypeVar("Result")
 
 
 class SecondMeshes:
-    """Paths on other elements from which the error of a path can be estimated.
+    """The same load path on meshes of other element sizes, from which the error of a path can be estimated.
 
     Parameters
     ----------
@@ -110,7 +110,8 @@ class SecondMeshes:
             return True
 
     def first(self, compare: Callable[[PadPath, RoofComparison], Result]) -> Result | None:
-        """Result of the comparison with the first other path that bears the load within memory; None if none does.
+        """Result of the comparison with the first other path that bears the load and fits into memory; None if none
+        does.
 
         Parameters
         ----------
@@ -169,7 +170,8 @@ class SecondMeshes:
         return with_reach(path, result, value, displacement, pressure) if path.load.self_contact else result
 
     def _compared_with(self, mesh_size: float, least_ratio: float) -> tuple[PadPath, RoofComparison] | None:
-        """The path on elements of another size; None without such a mesh, or if the actual sizes differ too little."""
+        """The path on elements of another size, and its comparison; None without such a mesh, or if the actual sizes
+        differ too little."""
         path = self._path
         judge = path.judge
         second = judge if judge and judge.mesh_size == mesh_size else path.on_elements(mesh_size)
@@ -189,7 +191,8 @@ class SecondMeshes:
 
     @property
     def _typical_at_top(self) -> float:
-        """Typical error of a force, if only the domes have smaller elements than on the other mesh."""
+        """Typical relative error of a force: that of elements of the default size, scaled with the element size at the
+        top relative to the mesh on which stability is tested; 0 without such a mesh."""
         judge = self._path.judge
         return 0.0 if judge is None else TYPICAL_ERROR * top_ratio(judge.mesh, self._path.mesh) ** ORDER
 
@@ -221,7 +224,7 @@ def _small_responses(path: PadPath) -> list[np.ndarray]:
 
 @kept(16)
 def second_meshes(path: PadPath) -> SecondMeshes:
-    """The shared second meshes of a path."""
+    """The second meshes of a path; all callers share one object."""
     return SecondMeshes(path)
 
 
@@ -244,7 +247,7 @@ def compared(path: PadPath, state: State) -> State:
 
 
 def _comparison(path: PadPath, state: State) -> StateComparison:
-    """Comparison of a state with a second mesh: that of its canonical state, mirrored back."""
+    """Comparison of a state with a second mesh: the comparison of its canonical state, mirrored back."""
     with path.lock:
         path = path.bearing(state.value)
         value, mirrors = path.turned(state.value)

@@ -24,7 +24,7 @@ faster with the size of the feet."""
 
 
 class _Closer(NamedTuple):
-    """A state with half the reach."""
+    """A state solved with half the reach of the barriers and half the radius of the feet."""
 
     displacement: np.ndarray
     pressure: np.ndarray
@@ -34,7 +34,7 @@ class _Closer(NamedTuple):
 def with_reach(
     path: PadPath, comparison: StateComparison, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> StateComparison:
-    """Add the error due to the reach of the barriers to the comparison of a canonical state with a second mesh.
+    """The comparison of a canonical state with a second mesh, with the error due to the reach of the barriers added.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ QUARTER = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Displacements and pressures of the whole pad.
+    """Displacements and pressures of the whole pad at a time, their rates, and the estimated error.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class LoadState:
-    """The load at a time.
+    """The load at a time: its value, rate and memory.
 
     Attributes
     ----------

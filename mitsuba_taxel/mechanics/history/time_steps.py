@@ -46,7 +46,7 @@ Touch = Callable[[LoadedPad, np.ndarray], Contact | None]
 
 
 class RowSteps:
-    """The steps from one row to the next.
+    """Time steps from one row of the load to the next.
 
     Parameters
     ----------
@@ -281,7 +281,8 @@ class RowSteps:
         return replace(state, velocity=velocity, variables=replace(state.variables, rate=stress_rate))
 
     def _mid_step(self, here: StepState, after: StepState, measures: Measures) -> PartMidStep:
-        """The middle of a step; raises Rejected if there is none."""
+        """The state in the middle of a step, and the remaining error of the interpolation; raises Rejected if there is
+        none."""
         pad, growth, tangent = self._pad, measures.main, self._near
         assert here.velocity is not None and after.velocity is not None and tangent is not None
         size, ends = pad.numbering.displacements, (here.unknowns, after.unknowns)

@@ -40,7 +40,7 @@ class TimedPath(TimedStates):
     @classmethod
     @kept(4)
     def of(cls, path: PadPath, material: Viscoelastic) -> TimedPath:
-        """The shared path of a pad and material.
+        """The path of a pad and material; all callers with equal arguments share one object.
 
         Parameters
         ----------

@@ -173,7 +173,7 @@ class TimedStates:
         return shape_within(start, end, cubics, rows[-1][0])
 
     def _solved(self, rows: LoadHistory) -> TimeState:
-        """The last solved state that some rows need: at the end of the rows, or beyond it."""
+        """The last solved state that the given rows need: at the end of the rows, or beyond it."""
         done = len(rows)
         while done and rows[:done] not in self._count and not cache.holds(self._name(rows[:done])):
             done -= 1

@@ -70,7 +70,7 @@ def _uniaxial(stretch: float, material: Material) -> tuple[np.ndarray, float, fl
 
 
 def _with_inverse(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F, det F and F^-T."""
+    """The deformation gradient F, det F and F^-T, as the laws need them."""
     return gradient, np.array(np.linalg.det(gradient)), np.linalg.inv(gradient).T
 
 

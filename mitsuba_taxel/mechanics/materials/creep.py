@@ -74,8 +74,8 @@ class CreepResponse:
         return cls(1 / remaining, rates, -amplitudes, creeps)
 
     def at_rest(self, components: int) -> np.ndarray:
-        """Memory (k, C) of a load of C components that was always 0: for each rate l, the integral of exp(-l (t - s))
-        dF(s)."""
+        """Memory (k, C), here 0, of a load of C components that was always 0. For each of k rates l, the memory of a
+        load F is the integral of exp(-l (t - s)) dF(s)."""
         return np.zeros((len(self.rates), components))
 
     def after(self, memory: np.ndarray, change: np.ndarray, duration: float) -> np.ndarray:
@@ -94,7 +94,8 @@ class CreepResponse:
         return Measures(responding, even if moves else None)
 
     def _growth(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Growth | None:
-        """Course of the response within a step, projected on its total change and divided by it, so that it ends at 1.
+        """The response within a step as a growth: projected onto its total change, and scaled so that it grows from 0
+        to 1.
 
         None if nothing changes.
         """
@@ -167,7 +168,7 @@ class Growth:
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """Two measures of time within a step.
+    """Two measures of time within a step, as functions of which the state changes evenly.
 
     Attributes
     ----------
@@ -182,7 +183,8 @@ class Measures:
     second: Growth | None
 
     def bump(self, time: float) -> tuple[float, float]:
-        """Shape of the residual of a cubic polynomial in the main measure, scaled to 1 at half the main measure.
+        """Shape of the error of an interpolation that is cubic in the main measure, scaled to 1 where the main measure
+        is 1/2.
 
         It is the residual of the second measure or, if there is none, of the fourth power of the main measure.
 

@@ -21,7 +21,7 @@ TABLES = ("constants", "intervals", "covariance", "tests", "ranking", "relaxatio
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMaterial:
-    """A material from a file.
+    """A law with its constants from a material file, and where they come from.
 
     Attributes
     ----------

@@ -57,7 +57,7 @@ class Weights(NamedTuple):
     decay : (k,) ndarray
         Factor of Q at the start.
     ramp : (k,) ndarray
-        Factor of a linear change of S, before the weight g.
+        Factor of a linear change of S, without the weight g.
     curvature : (k,) ndarray
         Error of a linear change of S, divided by h² S'', where S'' is the second derivative.
     """

@@ -40,7 +40,7 @@ def contact_pressure(state: State) -> np.ndarray:
 
 
 def indentation_of(state: State) -> tuple[Indentation, ContactState]:
-    """The indenter of a state, and its contact with the pad.
+    """The indenter of a state, and the gaps, pressures and forces of its contact with the pad.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def indentation_of(state: State) -> tuple[Indentation, ContactState]:
 
 
 def smooth_pressure(body: Indentation, pressure: np.ndarray) -> np.ndarray:
-    """Contact pressures by patch recovery.
+    """Smooth contact pressures by patch recovery.
 
     Parameters
     ----------

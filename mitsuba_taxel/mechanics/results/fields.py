@@ -115,7 +115,7 @@ def nodal_fields(
 
 
 def _around_nodes(mesh: VolumeMesh, tensors: np.ndarray) -> np.ndarray:
-    """Mean (N, 3, 3) over the elements around each node of their tensors (m, 3, 3)."""
+    """Mean tensor (N, 3, 3) at each of N nodes: the mean of the tensors (m, 3, 3) of the elements around it."""
     total = np.zeros((len(mesh.points), 3, 3))
     np.add.at(total, mesh.tets, tensors[:, None])
     return total / np.bincount(mesh.tets.ravel(), minlength=len(total))[:, None, None]

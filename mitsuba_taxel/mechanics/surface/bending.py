@@ -52,7 +52,7 @@ def curvature_errors(mesh: VolumeMesh, displacement: np.ndarray, ratio: float, d
 
 
 def bent_normals(surface: Surface, curvature: np.ndarray) -> np.ndarray:
-    """Normals of the walls of cells with their curvature changed.
+    """Normals of the walls of cells after a change of the walls' curvature.
 
     Each normal tilts away from the middle of its wall, in proportion to its distance from there.
 
@@ -84,5 +84,5 @@ def bent_normals(surface: Surface, curvature: np.ndarray) -> np.ndarray:
 
 
 def wall_numbers(cell: np.ndarray, region: np.ndarray) -> np.ndarray:
-    """Numbers of walls, by the cell and the region of each face or triangle."""
+    """Number of the wall of each face or triangle, from its cell and its region."""
     return np.asarray(cell, dtype=int) * (max(REGIONS.values()) + 1) + region

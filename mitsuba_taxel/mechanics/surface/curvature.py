@@ -51,7 +51,7 @@ def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """The corners of triangles on curved walls.
+    """The corners of the triangles of a surface, with a point for each smooth sheet on which a vertex lies.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ class SmoothSurface:
     walls: tuple[str, ...] = ("roof", "side")
 
     def with_rough(self, walls: tuple[str, ...]) -> SmoothSurface:
-        """The same surface, with a finish on these regions."""
+        """The same surface, with the finish on the regions ``walls``."""
         return replace(self, walls=walls)
 
     @cached_property

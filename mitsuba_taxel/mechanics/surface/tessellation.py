@@ -44,7 +44,7 @@ from files of flat triangles, which are exact."""
 
 @dataclass(frozen=True)
 class Surface:
-    """A closed triangle mesh.
+    """A closed surface of V vertices and T triangles, with the region and cell of each triangle.
 
     Attributes
     ----------
@@ -335,7 +335,7 @@ def knows_walls(pad: AnyPad | None) -> bool:
 def placed(
     mesh: VolumeMesh, face: np.ndarray, points: np.ndarray, pad: AnyPad | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Move points of faces onto the exact walls of a pad, if they are known.
+    """Points of faces, moved onto the exact walls of a pad if these are known.
 
     Parameters
     ----------

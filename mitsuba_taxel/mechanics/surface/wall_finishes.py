@@ -96,7 +96,7 @@ def with_blunt_heights(finish: Finish | SeparateFinish | None) -> Finish | Separ
 
 
 def relief_of(finish: Finish | SeparateFinish, smooth: SmoothSurface) -> Relief:
-    """The rough surface of a pad.
+    """The rough surface of a pad with a finish.
 
     Parameters
     ----------

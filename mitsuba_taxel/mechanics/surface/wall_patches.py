@@ -101,7 +101,7 @@ class WallPatches:
 
     @cached_property
     def _location(self) -> Location:
-        """Location of the points in the elements."""
+        """Elements that contain the lattice points, and the reference coordinates of the points."""
         tolerance = BESIDE * np.ptp(self.elements.points[:, 2])
         return locator_of(self.elements).locate(self.rest.reshape(-1, 3), tolerance)
 

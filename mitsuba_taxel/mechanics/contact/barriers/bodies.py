@@ -103,7 +103,8 @@ def _part(triangles: np.ndarray, tolerance: float) -> _Part:
 
 
 def _fans(hull: ConvexHull, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points and triangles of a convex body: each plane face is divided from its centre."""
+    """Vertices and triangles of the surface of a convex body: each plane face is divided into triangles that meet at
+    its centre."""
     in_plane = hull.points @ hull.equations[:, :3].T + hull.equations[:, 3] > -tolerance
     faces = np.unique(in_plane, axis=1).T
     size, common = faces.sum(axis=1), faces.astype(int) @ faces.T.astype(int)

@@ -92,7 +92,7 @@ class BodyBarrier:
         )
 
     def forces(self, displacement: np.ndarray) -> np.ndarray:
-        """Nodal forces (N, 3) in N of the bodies on the pad."""
+        """Contact forces (N, 3) in N of the bodies on the N nodes of the pad."""
         positions, collisions = self._near(displacement)
         if not len(collisions):
             return np.zeros_like(displacement)
@@ -100,7 +100,7 @@ class BodyBarrier:
         return self._interpolation.T @ -gradient[: self._interpolation.shape[0]]
 
     def stiffness(self, displacement: np.ndarray, steady: bool = False) -> sparse.csr_array:
-        """Stiffness matrix: the negative derivative of the forces with respect to the displacement.
+        """Contact stiffness (3 N, 3 N): the negative derivative of the forces with respect to the displacement.
 
         Parameters
         ----------

@@ -32,7 +32,7 @@ axes."""
 
 @dataclass(frozen=True)
 class Contact:
-    """A contact of the pad, and the object that it touches.
+    """A point at which the pad touches an object, and the name of that object.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class ContactTest:
         self._strip = STRIP * float(np.ptp(mesh.points[:, 2]))
 
     def find(self, displacement: np.ndarray) -> Contact | None:
-        """A contact of the deformed pad.
+        """Find a contact of the deformed pad with the board, a package or itself.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class ContactTest:
         return self._on_itself(np.concatenate([control, np.ones_like(self._beyond)]))
 
     def find_package(self, displacement: np.ndarray) -> Contact | None:
-        """A contact of the deformed pad with a package; see :meth:`find`."""
+        """Find a contact of the deformed pad with a package; see :meth:`find`."""
         if not self._obstacles:
             return None
         patches = control_points(self._points + displacement, self._faces)[:, self._faces.T]
@@ -121,7 +121,7 @@ class ContactTest:
 
     @cached_property
     def at_rest(self) -> Contact | None:
-        """A contact of the undeformed pad; None if there is none."""
+        """A contact of the undeformed pad with the board, a package or itself; None if there is none."""
         return self.find(np.zeros_like(self._points))
 
     @cached_property
@@ -204,15 +204,15 @@ class _Neighbours:
         self.pairs = {"vertex": vertex, "edge": edge}
 
     def without(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The pairs of two lists of faces that share neither a vertex nor an edge."""
+        """Those pairs (first[i], second[i]) of two lists of faces that share neither a vertex nor an edge."""
         keys = np.minimum(first, second) * self._count + np.maximum(first, second)
         separate = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
         return first[separate], second[separate]
 
 
 def _common_columns(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For each of n rows of two arrays (n, 3): the columns (n,) in the first and in the second array of a number that
-    both rows contain."""
+    """Columns of the number that row i of ``first`` (n, 3) and row i of ``second`` (n, 3) have in common: (n,) in
+    ``first`` and (n,) in ``second``."""
     i, j = np.divmod((first[:, :, None] == second[:, None]).reshape(-1, 9).argmax(axis=1), 3)
     return i, j
 

@@ -138,7 +138,8 @@ class Ellipsoid(IndenterShape, name="ellipsoid"):
         return self._contact(depth)[1]
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances from the middle line of the elliptic contact."""
+        """Distances of points from the middle line of the elliptic contact: the segment of its major axis that ends one
+        smaller semi-axis before the edge."""
         larger, smaller = self._contact(depth)
         along = 0 if self.semi_axes[0] >= self.semi_axes[1] else 1
         nearest = np.zeros_like(points)

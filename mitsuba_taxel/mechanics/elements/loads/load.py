@@ -94,7 +94,7 @@ class Load(Kind, family="load"):
 
     @property
     def gives_displacement(self) -> bool:
-        """Whether displacements are prescribed, and forces follow."""
+        """Whether the value of the load is a displacement, so that the force is a reaction."""
         return self.unit == "mm"
 
     @property
@@ -128,7 +128,7 @@ class Load(Kind, family="load"):
         return "the top"
 
     def check(self, value: Sequence[float] | np.ndarray) -> None:
-        """Refuse values that are not possible; raises `InputError`."""
+        """Raise `InputError` for a value that this load cannot have."""
 
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
         """Area (N,) in mm² of each node on which a dead force acts."""
@@ -145,8 +145,8 @@ class Load(Kind, family="load"):
 
     @classmethod
     def why_no_first_contact(cls, change: np.ndarray) -> str:
-        """The reason why the load at the first contact of a pad is not computed along a change of the value; empty if
-        it is."""
+        """Reason why the load at which the pad first touches something is not computed for this change of the value;
+        empty if it is computed."""
         return ""
 
     @classmethod

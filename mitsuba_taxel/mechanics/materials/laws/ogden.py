@@ -107,7 +107,7 @@ class Ogden(Material, name="ogden", rank=5):
         super()._check()
 
     def _energy(self, logarithms: np.ndarray) -> np.ndarray:
-        """Energies (...) of isochoric logarithmic strains (..., 3)."""
+        """Energy densities (...) in MPa at isochoric logarithmic strains (..., 3)."""
         return np.asarray(
             sum(2 * mu / alpha**2 * np.expm1(alpha * logarithms).sum(axis=-1) for mu, alpha in self.terms)
         )
