@@ -29,7 +29,7 @@ PURPOSE = {
 }
 """Purpose of each distribution; distributions that serve one purpose are in one row."""
 EXTRA = {
-    "netgen-mesher": "plates, fast models",
+    "netgen-mesher": "plates, fast models, pads without cells, STL files",
     "netgen-occt": "as Netgen",
     "pytetwild": "all but some STL files",
     "karellen-llvm-core": "where the system has LLVM 19 or newer",

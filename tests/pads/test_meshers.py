@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 
+import numpy as np
 import pytest
 
 from mitsuba_taxel import InputError, Pad
 from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.geometry.surfaces.triangles import volume
 from mitsuba_taxel.pads import meshers
+from mitsuba_taxel.pads.block import Block
 from mitsuba_taxel.pads.imported import surface_meshing, tetwild
 from mitsuba_taxel.pads.pad_file import PadFile, mesh_pad_file
 from mitsuba_taxel.pads.parametric.drawings import write_drawings
@@ -34,6 +38,14 @@ def test_a_drawn_pad_needs_netgen(without, tmp_path):
             work()
         assert "\n" not in str(refused.value)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_pad_without_cells_needs_neither(without, monkeypatch):
+    without("netgen", "pytetwild")
+    for name in ("netgen", "pytetwild"):
+        monkeypatch.setitem(sys.modules, name, None)
+    mesh = Block(4.0, 3.0, 2.0).mesh(1.0)
+    np.testing.assert_allclose(volume(mesh.points, mesh.faces[:, :3]), 24.0)
 
 
 def test_a_step_file_needs_netgen(without, tmp_path):
