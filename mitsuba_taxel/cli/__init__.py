@@ -70,8 +70,8 @@ class _Commands(click.Group):
     help="Python file that registers Mitsuba plugins; it is run, here and in worker processes. May be repeated.",
 )  # fmt: skip
 @click.option(
-    "--variant", type=click.Choice(VARIANTS), help="Variant of Mitsuba, here and in workers on this machine: those of "
-    "cuda follow random paths on an NVIDIA card; mechanics, and light without random numbers, use the processor.",
+    "--variant", type=click.Choice(VARIANTS), help="Variant of Mitsuba, here and in workers on this machine. Variants "
+    "of cuda trace random paths on an NVIDIA card; mechanics, and light without random numbers, use the processor.",
     show_default=f"MITSUBA_TAXEL_VARIANT, or {VARIANTS[0]}",
 )  # fmt: skip
 @debug_option

@@ -82,13 +82,13 @@ debug_option = click.option(
 )
 defines_option = click.option(
     "-D", "defines", multiple=True, metavar="NAME=VALUE", callback=assignments,
-    help="Value of a <default> of the scene; none leaves out the elements that use it. May be repeated.",
+    help="Value of a parameter, a <default> of the scene; none removes the elements that use it. May be repeated.",
 )  # fmt: skip
 target_error_option = click.option(
     "--target-error",
     type=Fraction(),
-    help="Relative error of the worst taxel, such as 0.2% or 0.002: light and mechanics together; chooses the mesh. "
-    "If it is not reached, the exit code is 3.",
+    help="Largest relative error of a reading, light and mechanics together, such as 0.2% or 0.002; the mesh is chosen "
+    "to reach it. If it is not reached, the exit code is 3.",
     show_default="0.5% of the light alone",
 )
 seed_option = click.option(
@@ -97,35 +97,36 @@ seed_option = click.option(
 target_slope_option = click.option(
     "--target-slope",
     type=Fraction(),
-    help="Error of slopes against the varied forces, such as 1% or 0.01, relative to the steepest taxel's: uses "
-    "derivatives or, by random paths, curves through the readings; chooses mesh and points. If it is not reached, the "
-    "exit code is 3.",
+    help="Largest error of the slopes against the varied forces, relative to the slope of the steepest taxel, such as "
+    "1% or 0.01; mesh and points are chosen to reach it. Slopes are derivatives or, with random paths, slopes of "
+    "curves through the readings. If the target is not reached, the exit code is 3.",
 )
 derivatives_option = click.option(
     "--derivatives",
     default="",
     metavar="NAME,...",
     callback=lambda ctx, param, names: [name.strip() for name in names.split(",") if name.strip()],
-    help="Also differentiate with respect to parameters: fz,youngs_modulus,cell_size,spacing.",
+    help="Also compute derivatives of the readings with respect to parameters: fz,youngs_modulus,cell_size.",
 )
 points_option = click.option(
-    "--points", type=click.IntRange(min=1), help="Points per randomisation and taxel, instead of a target error."
+    "--points", type=click.IntRange(min=1),
+    help="Number of light paths per taxel and randomisation, instead of a target error.",
 )
 time_budget_option = click.option(
     "--time-budget",
     type=_Duration(),
-    help="Total time, such as 60s, 500ms or 2min: steps that would not end in time are not started. If scenes of a "
-    "sweep are missing, the exit code is 3.",
+    help="Largest duration, such as 60s, 500ms or 2min: steps that would not end in time are not started. If scenes of "
+    "a sweep are missing, the exit code is 3.",
 )
 circuit_option = click.option(
     "--circuit",
     type=click.Path(path_type=Path),
     metavar="CIRCUIT.toml",
-    help="Also give volts and counts behind this circuit; `taxel new circuit` writes a template.",
+    help="Also print volts and counts at the output of this circuit; `taxel new circuit` writes a template.",
 )
 workers_option = click.option("--workers", type=int, metavar="N", help="Worker processes on this machine.")
 scheduler_option = click.option(
-    "--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786, whose workers do the work."
+    "--scheduler", metavar="ADDRESS", help="Address of a Dask scheduler whose workers are used: tcp://host:8786."
 )
 retry_option = click.option("--retry-failed", is_flag=True, help="Repeat jobs that failed in an earlier run.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")

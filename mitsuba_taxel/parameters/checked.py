@@ -37,11 +37,11 @@ class _KindArguments(ABCMeta):
 
 
 class Checked:
-    """Base of frozen dataclasses whose fields are parameters, which are checked when an object is created.
+    """Base of frozen dataclasses whose fields are parameters; values are checked when an object is created.
 
-    Parameters that do not apply are None; parameters that apply have their default unless a value is given. A subclass
-    checks conditions between parameters in :meth:`_check`. Its docstring gets a section ``Parameters``, made from the
-    fields.
+    A parameter may apply for some values of other parameters only. A parameter that does not apply is None; one that
+    applies has its default unless a value is given. Subclasses check conditions between parameters in :meth:`_check`.
+    The section ``Parameters`` of their docstrings is made from the fields.
     """
 
     def __init_subclass__(cls) -> None:
@@ -78,10 +78,10 @@ class Checked:
 
 @dataclass(frozen=True)
 class Kinded(Checked, metaclass=_KindArguments):
-    """Base of frozen dataclasses of parameters, some of which choose a kind (see `kind`).
+    """Base of dataclasses with a parameter that names a kind, such as ``cell``, which has further parameters.
 
-    The parameters of the chosen kind are arguments and attributes like the fields. They are not fields, as kinds may be
-    defined at any time.
+    The parameters of the chosen kind are arguments and attributes of the object, like its fields. They are no fields,
+    as new kinds may be defined at any time.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _shown(instance: Any) -> str:
 
 
 def parameters_of(cls: Any) -> Mapping[str, Parameter]:
-    """The parameters of a dataclass: its fields, and the parameters of the kinds that it may choose.
+    """Parameters of a dataclass: those of its fields, and those of all kinds that its fields may name.
 
     Returns
     -------
@@ -254,7 +254,7 @@ def _set(instance: Any, name: str, value: Any) -> None:
 
 
 def values_of(instance: Any) -> dict[str, Any]:
-    """The parameters of an object, as entries of a Mitsuba dictionary.
+    """Values of the parameters of an object, as entries of a Mitsuba dictionary.
 
     Parameters
     ----------

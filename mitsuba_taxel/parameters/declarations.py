@@ -23,7 +23,7 @@ from mitsuba_taxel.parameters.parameter import (
 
 
 def number(default: float | None, unit: str, doc: str, **about: Any) -> Any:
-    """A field for a finite number; see `Number` and `Parameter`.
+    """Declare a field for a finite number; see `Number` and `Parameter`.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def number(default: float | None, unit: str, doc: str, **about: Any) -> Any:
 
 
 def whole(default: int, minimum: int, maximum: int, doc: str, **conditions: Any) -> Any:
-    """A field for a whole number; see `Whole` and `Parameter`.
+    """Declare a field for a whole number; see `Whole` and `Parameter`.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def whole(default: int, minimum: int, maximum: int, doc: str, **conditions: Any)
 
 
 def switch(default: bool, doc: str, **conditions: Any) -> Any:
-    """A field for true or false; see `Parameter`.
+    """Declare a field for true or false; see `Parameter`.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def switch(default: bool, doc: str, **conditions: Any) -> Any:
 
 
 def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -> Any:
-    """A field for any text; see `Text` and `Parameter`.
+    """Declare a field for any text; see `Text` and `Parameter`.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def text(default: str | None, doc: str, what: str = "text", **conditions: Any) -
 
 
 def choice(default: str | None, allowed: Mapping[str, str] | Sequence[str], doc: str, **conditions: Any) -> Any:
-    """A field for a word from a list; see `Choice` and `Parameter`.
+    """Declare a field for a word from a list of allowed words; see `Choice` and `Parameter`.
 
     Parameters
     ----------
@@ -132,7 +132,9 @@ def choice(default: str | None, allowed: Mapping[str, str] | Sequence[str], doc:
 
 
 def kind(default: str, family: Any, doc: str, also: Mapping[str, str] = MappingProxyType({}), **conditions: Any) -> Any:
-    """A field for the name of a kind of a family, or for a word of ``also``; see `Choice`.
+    """Declare a field for the name of a kind of a family, such as a cell shape, or for a word of ``also``.
+
+    See `Kind` and `Choice`.
 
     Parameters
     ----------
@@ -158,7 +160,7 @@ def kind(default: str, family: Any, doc: str, also: Mapping[str, str] = MappingP
 
 
 def vector(default: tuple[float, float, float], unit: str, doc: str, **conditions: Any) -> Any:
-    """A field for three numbers; see `Vector` and `Parameter`.
+    """Declare a field for three numbers; see `Vector` and `Parameter`.
 
     Parameters
     ----------
@@ -180,7 +182,7 @@ def vector(default: tuple[float, float, float], unit: str, doc: str, **condition
 
 
 def transform(doc: str) -> Any:
-    """A field for a transformation, or None; see `Transform`.
+    """Declare a field for a transformation, or None; see `Transform`.
 
     Parameters
     ----------
@@ -196,7 +198,7 @@ def transform(doc: str) -> Any:
 
 
 def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> Any:
-    """A field for the Python object of another plugin; see `Nested`.
+    """Declare a field for the Python object of a nested plugin; see `Nested`.
 
     Parameters
     ----------
@@ -220,7 +222,7 @@ def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> An
 
 
 def parameter_field(parameter: Parameter, **changes: Any) -> Any:
-    """A field for a parameter with changed attributes.
+    """Declare a field for an existing parameter, with changed attributes.
 
     Parameters
     ----------
@@ -240,7 +242,7 @@ def parameter_field(parameter: Parameter, **changes: Any) -> Any:
 
 
 def field_of(owner: Any, field: str, **changes: Any) -> Any:
-    """A field for the same parameter as a field of another class, with other conditions or another default.
+    """Declare a field for the parameter of a field of another class, with changed attributes.
 
     Parameters
     ----------

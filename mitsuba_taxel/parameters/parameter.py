@@ -25,7 +25,7 @@ REQUIRED: Any = ...
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A parameter of a plugin.
+    """Declaration of a parameter of a plugin: its type, unit, default, meaning, and when it applies.
 
     Attributes
     ----------
@@ -42,10 +42,10 @@ class Parameter:
     when : tuple[str, ...]
         Name of another parameter, followed by its values for which this parameter applies; empty if it always applies.
     choosers : tuple[str, ...]
-        Names of further parameters that may have one of these values instead.
+        Names of further parameters; the parameter also applies if one of them has one of the values in ``when``.
     without, needs : str
-        Name of another parameter that this parameter excludes (``without``) or requires (``needs``); empty for none.
-        Several excluded parameters are joined by "or".
+        Name of another parameter that must not (``without``) or must (``needs``) be set together with this parameter;
+        empty for none. Several excluded parameters are joined by "or".
     """
 
     doc: str
@@ -151,7 +151,7 @@ class Number(Parameter):
     Attributes
     ----------
     above, minimum, maximum : float
-        Exclusive lower bound; inclusive bounds.
+        Exclusive lower bound (``above``), and inclusive bounds.
     common : tuple[float, float] or None
         Usual range, outside which `taxel check` warns; None for no such range.
     hint : str
@@ -373,7 +373,7 @@ class Nested(Parameter):
     made_of : Any
         Class of the corresponding Python object, or None.
     by_name : bool
-        Whether the object is identified by its name, not only by its kind.
+        Whether the object is recognised by its name in the scene; otherwise it is recognised by its kind alone.
     """
 
     kind: str

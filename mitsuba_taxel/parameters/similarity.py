@@ -8,7 +8,7 @@ from mitsuba_taxel.base.errors import InputError
 
 
 def similarity_scale(matrix: np.ndarray) -> float:
-    """Uniform scale of a rigid motion with scale.
+    """Scale factor of a similarity transformation: a rigid motion with a uniform scale.
 
     Parameters
     ----------

@@ -98,9 +98,10 @@ def write_characteristics(
 def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
     """Plot change and slope of readings against force, for each experiment's first run of growing force.
 
-    Top: change of the readings since the start; bottom: their slopes, between neighbouring points or from derivatives.
-    Right: both in percent of the reading at rest, if known. Bars are 1 sigma of the light. For one experiment, each
-    line is a taxel. For several, each line is an experiment, with the taxel that changes most in all of them.
+    Upper panels show the change of the readings since the start of the experiment, lower panels their slopes, between
+    neighbouring points or from derivatives. Panels on the right show both in percent of the reading at rest, if known.
+    Error bars are 1 sigma of the light. For one experiment, each line is a taxel. For several experiments, each line is
+    an experiment, drawn for the taxel that changes most in all of them.
 
     Parameters
     ----------
@@ -134,10 +135,11 @@ def plot_sensitivity(experiments: Sequence[Experiment], narrow: bool = False) ->
 def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
     """Plot deviations of branches from the end-point line of the first branch of growing force.
 
-    They are in percent of the largest change, as in equations 5 to 7. The distance from zero is the nonlinearity, that
-    of the first branch of falling force (dashed) from the first of growing force (solid) the hysteresis, and that of
-    the second of growing force (dotted) from the first the repeatability. Bars are 1 sigma of the light. Lines are
-    those of :func:`plot_sensitivity`.
+    Deviations are in percent of the largest change, as in equations 5 to 7 of the paper. The solid line is the first
+    branch of growing force: its distance from zero is the nonlinearity. The dashed line is the branch of falling force:
+    its distance from the solid line is the hysteresis. The dotted line is the second branch of growing force: its
+    distance from the solid line is the repeatability. Error bars are 1 sigma of the light. As in
+    :func:`plot_sensitivity`, each line is a taxel or, with several experiments, an experiment.
 
     Parameters
     ----------
@@ -175,14 +177,14 @@ def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> 
 def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
     """Plot the mean slope against each varied parameter other than the force.
 
-    Slopes are absolute, and in percent of the reading at rest, if known. There is a line for each combination of the
-    other parameters, with bars of 1 sigma of the light. Lines are those of :func:`plot_sensitivity` for several
-    experiments. Readings in watts and in volts have separate panels.
+    Panels show the slopes in the unit of the readings and, if the readings at rest are known, in percent of these. A
+    line is a combination of the other parameters, drawn for the taxel that changes most in all experiments. Error bars
+    are 1 sigma of the light. Readings in watts and in volts have separate panels.
 
     Parameters
     ----------
     experiments : sequence of Experiment
-        Experiments of a study, with a parameter of :func:`parameters_of` at least.
+        Experiments of a study, which differ in at least one parameter of :func:`parameters_of`.
     narrow : bool
         Whether the picture is for a phone.
 

@@ -41,7 +41,7 @@ QUANTITIES = {"W": "optical power", "V": "voltage"}
 
 
 class Curve(NamedTuple):
-    """Power of taxels against the curve parameter, with all other parameters fixed.
+    """Power of the taxels against one parameter, the curve parameter, with all other parameters fixed.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Curve(NamedTuple):
     smooth, slope : (points, taxels) ndarray or None
         Readings without random numbers, and their derivatives with respect to the curve parameter, if available.
     joined : bool
-        Whether points are joined by a line; not between different positions of a contact.
+        Whether the points are joined by a line; points at different positions of a contact are not.
     """
 
     where: Mapping[str, Any]
@@ -94,14 +94,14 @@ class Curve(NamedTuple):
 
 
 def touched_places(study: xr.Dataset) -> tuple[list[str], str]:
-    """Parameters of the contact's position, and of the load, in a study of steps with several positions.
+    """Parameters of the contact's position, and of the load, in a study whose steps have several contact positions.
 
     Returns
     -------
     names : list[str]
         Parameters of the position that vary; empty if none does.
     load : str
-        Parameter of the load along which a position is pressed; blank if each position has one load.
+        Parameter of the load that increases at each position; blank if each position has a single load.
     """
     listed = [
         str(name)
@@ -120,9 +120,10 @@ def touched_places(study: xr.Dataset) -> tuple[list[str], str]:
 
 
 def curves_of(study: xr.Dataset) -> list[Curve]:
-    """The curves of a study, one for each combination of its other parameters, sorted by the curve parameter.
+    """Curves of a study, one for each combination of the parameters other than the curve parameter.
 
-    Steps with several loads at each of several positions are a curve for each position, along the load.
+    Points are sorted by the curve parameter. In a study whose steps have several loads at several contact positions,
+    each position is a curve along the load.
     """
     # Steps with several positions: the curves of each position.
     position_names, load = touched_places(study)
@@ -172,17 +173,17 @@ def curves_of(study: xr.Dataset) -> list[Curve]:
 
 
 def plot_curves(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """Plot power against the study's curve parameter; for a study in volts, plot voltage, with counts on the right.
+    """Plot the readings of a study against its curve parameter: power in W, or voltage with counts on the right.
 
-    Bars are 1 sigma of the light, bands the total error. Lines are straight between readings, or with derivatives the
-    cubic curves through readings without random numbers. Steps that touch several places once are not joined.
+    Error bars are 1 sigma of the light, bands are the total error. Readings are joined by straight lines or, if they
+    have derivatives without random numbers, by cubic curves. Readings at several contact positions with one load each
+    are not joined.
 
-    A single curve has a line for each taxel and, if there are several, a second panel with the difference of each from
-    their mean, and the error of that difference. If there are several curves, each is a line for the taxel that changes
-    most, with a panel below for its change in percent of the reading at rest; of curves at several places, each is
-    drawn for the taxel that changes most in this curve, which the legend names. More than
-    :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines are distributed over panels with the same axes. A ``narrow``
-    picture, for a phone, has all panels and the legend in one column.
+    A study with a single curve has a line for each taxel. With several taxels, a second panel shows the difference of
+    each taxel from their mean, and the error of this difference. A study with several curves has a line for each curve,
+    drawn for the taxel that changes most, and a panel below with the change in percent of the reading at rest. Curves
+    at several contact positions are each drawn for the taxel that changes most there; the legend names it. More than
+    :data:`mitsuba_taxel.plots.figures.MOST_LINES` lines are distributed over panels with the same axes.
 
     Parameters
     ----------
@@ -277,7 +278,7 @@ def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[tuple[tuple[st
 
 
 def plot_taxels(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """Plot the change of each taxel's reading, with a panel for each curve of a study and the same axes.
+    """Plot the change of each taxel's reading along each curve of a study, one panel per curve with common axes.
 
     Parameters
     ----------

@@ -39,10 +39,11 @@ class Panel(Generic[Case]):
 
 
 def compared(cases: Sequence[Case], where: Callable[[Case], Mapping[str, object]]) -> tuple[list[Panel[Case]], int]:
-    """Distribute cases that differ in parameters over panels.
+    """Distribute cases, such as the curves of a study, over the panels of a figure.
 
-    A few cases share one panel. Otherwise, each panel has the cases that differ in one parameter only: the parameter
-    with most values that fit into a panel. If no parameter fits, one panel has an even selection of the cases.
+    A few cases share one panel. Many cases are grouped such that the cases of a panel differ in one parameter only: the
+    parameter with the largest number of values that still fit into a panel. If the values of no parameter fit, a single
+    panel has an even selection of the cases.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def as_label(value: object) -> str:
 
 
 def axes_of(inches: tuple[float, float], rows: int, columns: int, **options: Any) -> Any:
-    """Axes of a new figure, which belongs to no window and no notebook.
+    """Create a figure without a window, and return its axes.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def axes_of(inches: tuple[float, float], rows: int, columns: int, **options: Any
 def panel_axes(
     rows: int, columns: int, *, size: tuple[float, float] = (5.2, 3.2), sharex: Any = True, narrow: bool = False
 ) -> Any:
-    """Axes with a grid, of a new figure.
+    """Create a figure for panels, and return its axes, with a grid.
 
     Parameters
     ----------
@@ -166,7 +167,7 @@ def save_figure(figure: Figure, folder: Path, name: str) -> None:
 
 
 def save_small(figure: Figure, file: Path) -> None:
-    """Write a figure as PNG with a palette of 256 colours, for pages under version control: a third of the size.
+    """Write a figure as PNG with 256 colours, a third of the usual size, for pages under version control.
 
     Parameters
     ----------
@@ -218,7 +219,7 @@ def label_below(figure: Figure, last: Axes, words: str) -> None:
 
 
 def load_to_the_right(ax: Axes, values: np.ndarray) -> None:
-    """Let an axis of loads start at 0 on the left, also for negative ones, as in compression."""
+    """Let an axis of loads start at 0 on the left, also for negative loads, such as compression."""
     numbers = np.asarray(values)
     if numbers.dtype.kind in "fi" and numbers.max(initial=0) <= 0:
         ax.xaxis.set_inverted(True)
@@ -245,8 +246,9 @@ def style(number: int) -> dict[str, Any]:
 
 
 def legend_beside(figure: Figure, axes: Sequence[Axes], title: str | None = None) -> None:
-    """The common legend of all panels: to their right; in a narrow figure below them, or in each if they fill more than
-    a screen.
+    """Draw the common legend of all panels to their right; in a narrow figure, below the panels.
+
+    A narrow figure that is longer than a screen has the legend in each panel.
 
     Parameters
     ----------

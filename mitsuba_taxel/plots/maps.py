@@ -18,9 +18,7 @@ if TYPE_CHECKING:
 
 
 def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
-    """Two numeric dimensions of a study that are x and y of the same quantity, such as the position of an indenter.
-
-    None if there is no such pair, or one of them has a single value.
+    """Find two numeric dimensions of a study that are x and y of one quantity, such as the position of an indenter.
 
     Parameters
     ----------
@@ -41,7 +39,7 @@ def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
 
 
 def plane_of_steps(study: xr.Dataset) -> tuple[str, str] | None:
-    """Two such parameters among the columns of steps; None if one of them has a single value in all steps.
+    """Find two parameters that are x and y of one quantity among the columns of a study's load steps.
 
     Parameters
     ----------
@@ -87,10 +85,11 @@ def pair_among(study: xr.Dataset, names: Sequence[str]) -> tuple[str, str] | Non
 
 
 def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
-    """Plot the power of each taxel as colours over two coordinates; all taxels have the same scale.
+    """Plot the power of each taxel as a colour map over two varied coordinates; all taxels have the same scale.
 
-    The coordinates are those of :func:`plane_of`, or of :func:`plane_of_steps`, at which dots are drawn. Other varied
-    parameters have their last values, which the title states; of several steps at one position, the last is shown.
+    The coordinates are those of :func:`plane_of`, or else of :func:`plane_of_steps`, whose positions are drawn as dots.
+    Other varied parameters have their last values, which the title states. Of several steps at one position, the last
+    is shown.
 
     Parameters
     ----------

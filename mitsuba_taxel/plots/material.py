@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 def plot_material(
     curves: Sequence[Any], laws: Sequence[tuple[str, Sequence[np.ndarray]]], relaxation: Any = None
 ) -> Figure:
-    """Plot tests with the laws fitted to them.
+    """Plot the stress of material tests, and of the laws fitted to them, against strain.
 
     Parameters
     ----------
     curves : sequence of StressCurve
-        Tests: points.
+        Tests, drawn as points.
     laws : sequence of (str, sequence of ndarray)
-        Name and stress of each law at the rows of each curve in MPa, the best first.
+        For each law, the best first: its name, and its stress in MPa at the rows of each curve.
     relaxation : RelaxationFit, optional
         Relaxation test, for a separate panel.
 

@@ -106,12 +106,12 @@ def plot_sections(before: Pad, best: Pad) -> Figure:
 
 
 def plot_front(front: pandas.DataFrame, units: Sequence[str]) -> Figure:
-    """Plot a Pareto front: the second column of its table, the second objective, over the first.
+    """Plot a Pareto front: the second objective against the first.
 
     Parameters
     ----------
     front : pandas.DataFrame
-        Table of an ``Optimum``.
+        Table ``front`` of an ``Optimum``; its first two columns are the objectives.
     units : Sequence[str]
         Units of the two objectives.
 

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
 
 def plot_part(part: Part) -> Figure:
-    """Plot a part: body, windows and dies from above, and its current under a mirror or white card over the height.
+    """Plot a photo-reflector: a plan of its body, windows and dies, and its current against the height of a reflector.
 
-    The current is relative to the largest; points are those of the datasheet.
+    The reflector is a mirror or a white card, as in the datasheet. Currents are relative to the largest current. Points
+    are values of the datasheet.
 
     Parameters
     ----------

@@ -21,9 +21,10 @@ MOST_VARIANTS = 20
 
 
 def plot_ranking(comparison: Comparison) -> Figure:
-    """Plot a comparison: the compared figure and those with a limit, with 1 sigma, and the probability of being first.
+    """Plot a ranking of variants: figures of merit with 1 sigma, and each variant's probability of being the best.
 
-    Variants that probably exceed a limit are grey.
+    Panels show the figure by which variants are ranked, and figures with a limit. Variants that probably exceed a limit
+    are grey.
 
     Parameters
     ----------

@@ -22,7 +22,8 @@ def plot_residuals(
 ) -> Figure:
     """Plot a fit: readings, residuals relative to their errors, and correlations of the unknowns.
 
-    Readings, as points if measured and as lines if modelled, are drawn against the setting with most values.
+    Measured readings are points, readings of the model are lines. They are drawn against the setting with the largest
+    number of distinct values.
 
     Parameters
     ----------

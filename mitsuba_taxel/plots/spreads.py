@@ -23,11 +23,12 @@ TITLES = {
 
 
 def plot_spreads(spread: pandas.DataFrame, parameters: pandas.DataFrame) -> Figure:
-    """Plot a tolerance study, with a row of two panels for each quantity.
+    """Plot a tolerance study: two panels for each figure of merit, the spread of each taxel and the causes.
 
-    Left, for each taxel, relative to the nominal value: a bar from 5 to 95 % of the samples, their mean, and one
-    standard deviation of the samples and from derivatives. If only few samples were computed in full, the bar's ends
-    have standard errors. Right: total Sobol' indices of the parameters.
+    The left panel shows, for each taxel and relative to the nominal value, a bar between the 5 and 95 % quantiles of
+    the samples, the mean, and one standard deviation, of the samples and from derivatives. If some samples are linear
+    estimates, the ends of the bar have standard errors. The right panel shows the total Sobol' indices of the
+    parameters.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from mitsuba_taxel.specification.specification import Specification
 
 @dataclass(frozen=True)
 class AnalogTracer(Specification):
-    """The integrator that counts rays."""
+    """Integrator that traces rays of equal power and counts those that reach the phototransistor."""
 
     plugin = "analog_tracer"
 

@@ -22,7 +22,7 @@ LARGEST_EXPONENT = 1e6
 
 @dataclass(frozen=True)
 class AnnularLed(Specification):
-    """Emission of each LED."""
+    """LED with an emitting annulus around a dark centre: its size, power, wavelength and emission law."""
 
     plugin = "annular_led"
 

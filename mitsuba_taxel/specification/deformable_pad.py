@@ -1,4 +1,4 @@
-"""Parameters of pads: a flat list in a scene; a pad, a material, a load and a finish in Python."""
+"""Parameters of the plugin `deformable_pad`, and the Python objects (pad, material, load, finish) made from them."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _of_finish(word: str, field: str) -> Any:
 
 @dataclass(frozen=True)
 class DeformablePad(Specification, Kinded):
-    """A pad under a load."""
+    """Silicone pad under a load: its shape, material, load, mesh and finish."""
 
     plugin = "deformable_pad"
 
@@ -263,7 +263,7 @@ class DeformablePad(Specification, Kinded):
 
     @classmethod
     def read(cls, props: Any) -> DeformablePad:
-        """As `Specification.read`; the file of a material is relative to the scene."""
+        """Create an object as `Specification.read` does; the file of a material is relative to the scene file."""
         from mitsuba_taxel.backend.plugin_objects import find_file
 
         find_file(props, "material", SUFFIX)
@@ -359,7 +359,7 @@ class DeformablePad(Specification, Kinded):
 
     @property
     def load_value(self) -> tuple[float, ...]:
-        """Components of the load: force, displacement or pressure."""
+        """Components of the load: force in N, displacement in mm, or pressure in MPa."""
         value = getattr(self, Load.named(self.load).quantity)
         return value if isinstance(value, tuple) else (value,)
 
@@ -429,7 +429,7 @@ class DeformablePad(Specification, Kinded):
         finish: Finish | SeparateFinish | None,
         **settings: Any,
     ) -> DeformablePad:
-        """The specification of a pad, material, load and finish.
+        """Create the plugin's parameters from Python objects: a pad, a material, a load and a finish.
 
         Parameters
         ----------
@@ -449,8 +449,8 @@ class DeformablePad(Specification, Kinded):
         Raises
         ------
         InputError
-            if the material or the load has no name, so that a scene cannot contain it, ``value`` does not suit the
-            load, or finishes of roof and side have refinements that a scene cannot contain.
+            if a scene cannot contain the material or the load because it has no name; if ``value`` does not suit the
+            load; or if the finishes of roof and side have refinements that a scene cannot contain.
         """
         if isinstance(material, Viscoelastic):
             settings["prony"] = "; ".join(f"{weight!r} {time!r}" for weight, time in material.prony)

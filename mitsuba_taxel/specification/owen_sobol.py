@@ -12,7 +12,7 @@ MOST_POINTS = 1 << 20
 
 @dataclass(frozen=True)
 class OwenSobol(Specification):
-    """The sampler."""
+    """Sampler of Owen-scrambled Sobol' points for light paths."""
 
     plugin = "owen_sobol"
 

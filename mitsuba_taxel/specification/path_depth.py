@@ -13,7 +13,7 @@ MOST_REFLECTIONS = 1 << 17
 
 @dataclass(frozen=True)
 class PathDepth(Specification):
-    """Length of paths."""
+    """Limits of the length of light paths, common to the integrators `taxel_tracer` and `taxel_path`."""
 
     max_depth: int = whole(
         -1,

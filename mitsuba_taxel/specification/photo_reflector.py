@@ -195,7 +195,7 @@ class PhotoReflector(Specification):
 
     @property
     def package(self) -> Package:
-        """Body and dies, of the part if it is set; raises `InputError`."""
+        """The package of the catalogue's `part` if it is set, else of the given dimensions; raises `InputError`."""
         if self.part is not None:
             return _package_of(self.part, self.led_shift, self.phototransistor_shift)
         assert self.body is not None and self.spacing is not None and self.led and self.phototransistor

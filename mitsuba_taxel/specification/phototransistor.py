@@ -16,7 +16,7 @@ RESPONSES = {
 
 @dataclass(frozen=True)
 class Phototransistor(Specification):
-    """Area and response of each phototransistor."""
+    """Phototransistor: its light-sensitive area and its angular response."""
 
     plugin = "phototransistor"
     nested = (

@@ -52,7 +52,7 @@ def plugin_names() -> list[str]:
 
 
 def plain(text: str) -> str:
-    """Text with RST roles and substitutions replaced by plain words, on a single line.
+    """Convert RST markup to plain text on a single line.
 
     Parameters
     ----------

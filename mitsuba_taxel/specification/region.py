@@ -15,7 +15,7 @@ def _wall(what: str) -> Wall | None:
 
 @dataclass(frozen=True)
 class Region(Specification):
-    """A wall for each region of a pad or a photo-reflector."""
+    """Separate wall (BSDF) for each region of a pad or a photo-reflector."""
 
     plugin = "region"
 

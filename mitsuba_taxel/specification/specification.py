@@ -11,7 +11,7 @@ from mitsuba_taxel.parameters import Checked, Nested, Parameter, parameters_of, 
 
 
 class Specification(Checked):
-    """Base class of the specifications, which declare the parameters of a plugin."""
+    """Base class of specifications; a specification declares the parameters of one plugin."""
 
     plugin: ClassVar[str]
     """Name of the plugin in a scene."""
@@ -67,7 +67,7 @@ class Specification(Checked):
 
     @classmethod
     def values(cls) -> dict[str, Parameter]:
-        """Parameters that are values: numbers, words, vectors and transformations, by name."""
+        """Parameters other than nested objects: numbers, words, vectors and transformations, by name."""
         parameters = parameters_of(cls).values()
         return {parameter.name: parameter for parameter in parameters if not isinstance(parameter, Nested)}
 

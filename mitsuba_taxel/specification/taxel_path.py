@@ -9,6 +9,6 @@ from mitsuba_taxel.specification.path_depth import PathDepth
 
 @dataclass(frozen=True)
 class TaxelPath(PathDepth):
-    """The integrator that starts at the phototransistors."""
+    """Integrator whose light paths start at the phototransistors."""
 
     plugin = "taxel_path"

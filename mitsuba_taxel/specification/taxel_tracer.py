@@ -18,7 +18,7 @@ STRATEGIES = {
 
 @dataclass(frozen=True)
 class TaxelTracer(PathDepth):
-    """The integrator that starts at the LEDs."""
+    """Integrator whose light paths start at the LEDs."""
 
     plugin = "taxel_tracer"
 

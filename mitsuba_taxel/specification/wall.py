@@ -30,7 +30,7 @@ def _fraction_of(what: str) -> float:
 
 @dataclass(frozen=True)
 class Wall(Specification):
-    """A wall of a cell, a plate or a package."""
+    """Reflecting or absorbing wall of a cell, a plate or a package: reflectance and scattering law."""
 
     plugin = "wall"
 

@@ -28,7 +28,7 @@ class Measured:
     rows : tuple[tuple[float, float], ...]
         Wavelengths in nm, increasing, and reflectances.
     spread : float
-        Half of the range that the source states.
+        Half of the range of reflectances that the source states.
     """
 
     source: str
@@ -47,7 +47,7 @@ class WallMaterial:
     title : str
         Description of the material.
     law : str
-        Word of ``scattering`` that comes nearest to the sample; empty if unknown.
+        Value of ``scattering`` of a `wall` that is nearest to the sample; empty if unknown.
     measured : tuple[Measured, ...]
         Measurements; empty if none is known.
     note : str
@@ -90,7 +90,7 @@ class WallMaterial:
         return float(np.mean(self._values(nm)))
 
     def spread(self, nm: float) -> float:
-        """Half of the range of the reflectance at a wavelength in nm, between sources and within each.
+        """Half of the range of reflectances at a wavelength in nm, over all sources and their stated ranges.
 
         Raises
         ------
@@ -193,7 +193,7 @@ WALL_MATERIALS: dict[str, WallMaterial] = {
 
 
 def wall_table() -> list[tuple[str, ...]]:
-    """The catalogue as text.
+    """The catalogue of measured walls as rows of text.
 
     Returns
     -------

@@ -24,7 +24,8 @@ class TaxelPath(mi.CppADIntegrator):
 
     Paths start at the phototransistor. Each reflection is connected to a point of the LED, and paths that hit the LED
     count as well; both techniques are combined by the power heuristic. The expected reading is that of `taxel_tracer`.
-    The cost is lower only for a broad LED and a phototransistor of narrow angular response under a diffuse plate.
+    The cost is lower than that of `taxel_tracer` only for a broad LED and a phototransistor of narrow angular response
+    under a diffuse plate.
 
     Scenes in which weights would be unbounded are refused: those with isotropic walls, which are not reciprocal, and
     those with the law :monosp:`uniform_polar_angle`, whose intensity is unbounded on the axis.

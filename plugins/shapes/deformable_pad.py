@@ -66,9 +66,9 @@ class DeformablePad(mi.Mesh):
     :monosp:`roof_size`.
 
     With :monosp:`cell = none` the pad is a block without cells, of :monosp:`width` x :monosp:`depth` x
-    :monosp:`height`, for a camera. Its bottom is the window, glued to a clear plate; its top, plane or a part of a
-    sphere, is the coat that the camera sees from inside. It has the regions :monosp:`bottom`, :monosp:`top` and
-    :monosp:`outer`.
+    :monosp:`height`, for sensors with a camera. Its bottom is glued to a clear plate, through which the camera looks
+    into the pad. Its top, plane or part of a sphere, has the opaque coat that the camera sees from inside. Regions are
+    :monosp:`bottom`, :monosp:`top` and :monosp:`outer`.
 
     A finish is applied to the undeformed cells and moves with the deformation. Layer steps are treads at multiples of
     the layer height along the print direction, measured from the layer offset, with risers midway between them. The
@@ -200,9 +200,9 @@ class DeformablePad(mi.Mesh):
         return _undeformed(self.state.mesh, self.subdivision, self.finish, cells, self.pad, pose)
 
     def deviating_places(self, fraction: float = 1.0) -> list[Places] | None:
-        """Vertices displaced by a fraction of each of `State.deviations`; None if these are unknown.
+        """Vertices displaced by a fraction of each of `State.deviations`, the estimated errors; None if unknown.
 
-        Of pads with mirrors, a further deviation is that of the curvature of the walls alone.
+        For pads with mirrors, a further item has the walls in place and only their curvature changed by its error.
         """
         if self.state.deviations is None:
             return None
@@ -262,7 +262,7 @@ class DeformablePad(mi.Mesh):
 
     @property
     def is_curved(self) -> bool:
-        """Whether triangles deviate from curved walls by so much that readings change by more than about 1e-5."""
+        """Whether the deviation of triangles from curved walls changes readings by more than about 1e-5, relatively."""
         surface = self.surface
         return bool(np.abs(surface.offsets).max() > FLAT * np.ptp(surface.vertices[:, 2]))
 
@@ -271,7 +271,10 @@ class DeformablePad(mi.Mesh):
         return self._places(self.surface, self.surface.vertices)
 
     def blunt_heights(self) -> Places | None:
-        """Vertices with random heights that are less steep, by a multiple of what triangles lose; None without them."""
+        """Vertices of a random finish whose slopes are reduced, by a multiple of the loss due to triangles.
+
+        None without a random finish.
+        """
         if self.finish is None:
             return None
         from mitsuba_taxel.mechanics.surface.wall_finishes import with_blunt_heights

@@ -22,9 +22,9 @@ from ..options import debug_option, defines_option, json_option
 def command(ctx: click.Context, scene: str | None, defines: dict[str, str], schema: Path | None, as_json: bool) -> None:
     """List errors and likely mistakes of SCENE, with their lines.
 
-    If the scene has no errors, its pads are deformed, and the solutions are kept for `taxel render`, which then refuses
-    nothing. The exit code is that of `taxel render`: 2 for errors of the scene, 1 where a computation stops, as under a
-    load that a pad cannot bear, and 0 if there are only warnings and notes.
+    If the scene has no errors, its pads are deformed, and the solutions are cached for `taxel render`, which then
+    accepts the scene. The exit code is that of `taxel render`: 2 for errors of the scene, 1 if a computation stops, for
+    example under a load that a pad cannot bear, and 0 if there are only warnings and notes.
 
     Editors with RELAX NG support complete and validate a scene with this first line, and the schema beside it:
 

@@ -14,8 +14,9 @@ from ..options import debug_option, defines_option, folder_option, json_option
 @defines_option
 @folder_option
 @click.option(
-    "--steps", type=click.Path(path_type=Path), metavar="STEPS.csv", help="A mesh for each row; columns are parameters."
-)
+    "--steps", type=click.Path(path_type=Path), metavar="STEPS.csv",
+    help="Load steps, one per row; columns are parameters.",
+)  # fmt: skip
 @click.option("--vtu", is_flag=True, help="Also write displacement, stress and strain for ParaView.")
 @json_option
 @debug_option

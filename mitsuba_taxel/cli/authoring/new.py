@@ -15,7 +15,7 @@ from ..options import debug_option
 @click.option(
     "--part",
     metavar="PART",
-    help="For a circuit: photo-reflector whose datasheet gives its numbers, or a TOML file.",
+    help="For a circuit: photo-reflector whose datasheet gives the numbers, a name of the catalogue or a TOML file.",
 )
 @debug_option
 def command(kind: str, file: Path | None, part: str | None) -> None:

@@ -17,19 +17,19 @@ proposed."""
 @click.command(short_help="Photo-reflectors from datasheets.")
 @click.argument("name", metavar="[NAME|FILE.toml]", required=False)
 @click.option(
-    "-o", "--output", "file", type=click.Path(path_type=Path), metavar="PART.png", help="Draw it, as PNG or SVG."
+    "-o", "--output", "file", type=click.Path(path_type=Path), metavar="PART.png", help="Draw the part, as PNG or SVG."
 )
 @click.option(
     "--edges", "height", type=float, metavar="MM",
-    help="Positions of the edge of a mirror at this height for 10, 50 and 90 % of the current.",
+    help="Also print the positions of a mirror's edge, at this height, for 10, 50 and 90 % of the largest current.",
 )  # fmt: skip
 @json_option
 @debug_option
 def command(name: str | None, file: Path | None, height: float | None, as_json: bool) -> None:
-    """List the parts of the catalogue, or show one, by its name or from your own file.
+    """List the photo-reflectors of the catalogue, or show one of them, or one described by your own file.
 
-    Prints body, windows and dies; values of the datasheet, their source, and missing values; and the current under a
-    mirror or white card, compared with that of the datasheet.
+    Prints its body, windows and dies; values of the datasheet, their source, and missing values; and the computed
+    current under a mirror or white card beside that of the datasheet.
     """
     from mitsuba_taxel.parts import leaving_share, part_names, read_part
 

@@ -46,7 +46,7 @@ class _CutPosition(click.ParamType):
 )  # fmt: skip
 @click.option(
     "--cut", type=_CutPosition(), default="middle", show_default=True, metavar="Y",
-    help="Position of the cut in mm along y; middle is that of the middle row of cells.",
+    help="Position of the cut along y in mm; middle (through the middle row of cells) or none (no cut).",
 )  # fmt: skip
 @click.option(
     "--magnify", type=click.FloatRange(min=0, max=1000), default=1.0, show_default=True, metavar="FACTOR",

@@ -15,7 +15,7 @@ from ..options import NewFile, debug_option, defines_option, json_option, seed_o
 @click.option("--taxel", type=click.IntRange(min=1), default=1, show_default=True, help="Number of the taxel.")
 @click.option(
     "--count", type=click.IntRange(1, 100_000), default=200, show_default=True,
-    help="Paths to show; up to half of them reach the phototransistor.",
+    help="Number of paths; up to half of them reach the phototransistor.",
 )  # fmt: skip
 @seed_option
 @click.option(

@@ -18,10 +18,11 @@ def command(
 ) -> None:
     """Propagate the distributions of parameters in the table [tolerance] of STUDY.toml to the readings.
 
-    Each sample is computed by the whole chain, and stored in DIR as soon as it is ready; the same command resumes an
-    interrupted run. With exact = N in the table, only N samples are. All samples then get the linear estimate from
-    derivatives, which these N correct; a larger N continues a run. Tables and a plot show the spread of the reading at
-    rest, sensitivity and cross-talk, its linear estimate from derivatives, and the share of each tolerance.
+    Each sample is computed by mechanics and light, and stored in DIR as soon as it is ready; the same command resumes
+    an interrupted run. With exact = N in the table, only N samples are computed in this way. All samples then get a
+    linear estimate from derivatives, which the N exact samples correct; a larger N continues a run. Tables and a plot
+    show the spread of the reading at rest, of sensitivity and of cross-talk, their linear estimates from derivatives,
+    and how much of the spread each tolerance causes.
 
     Tolerances are independent, except for factors in [tolerance.of], which scale several parameters: shrinkage = {law =
     "normal", mean = 1, sd = 0.003, scales = ["cell_size", "cell_height"]}.

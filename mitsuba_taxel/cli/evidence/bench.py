@@ -18,7 +18,7 @@ Row = TypeVar("Row")
 @click.group(short_help="Benchmarks: extreme cases, stated and true errors, error against time.")
 @debug_option
 def command() -> None:
-    """Measure robustness in extreme cases, the coverage of stated errors, and error against time."""
+    """Benchmarks: robustness in extreme cases, coverage of stated errors, and error against time."""
 
 
 command.add_command(peers)
@@ -144,7 +144,7 @@ def light_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
 @markdown_option
 @debug_option
 def drags_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare forces and roof displacements under dragged bodies with those under bodies pressed in at the same place.
+    """Compare forces and roof displacements under a body dragged across the pad with those of a body pressed in there.
 
     Each state is solved in its own process; files contain those solved so far, which are not solved again.
     """
@@ -161,9 +161,9 @@ def drags_command(only: str | None, csv: Path | None, markdown: Path | None) -> 
 @markdown_option
 @debug_option
 def figures_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare figures of merit and their stated errors with those on finer elements, of scenes drawn at random.
+    """Compare figures of merit of random scenes, and their stated errors, with results on finer elements.
 
-    Each is swept at the default settings and to two target errors, in a separate process.
+    Each scene is swept at the default settings and with two target errors, in a separate process.
     """
     from mitsuba_taxel.evidence.coverage.figures import HEADINGS, cells, figures, summary
 
@@ -240,8 +240,10 @@ def estimators_command(only: str | None, csv: Path | None, markdown: Path | None
 @markdown_option
 @debug_option
 def horizon_command(markdown: Path | None) -> None:
-    """Compare derivatives along lines of designs with differences of their readings, for several widths over which the
-    step at the horizon is spread."""
+    """Compare derivatives along lines of designs with differences of readings, for several widths of the horizon.
+
+    The horizon is the plane of a wall, below which the wall neither emits nor receives light. The step of the light at
+    the horizon is spread over a width."""
     from mitsuba_taxel.evidence.domes.horizon import HorizonRow, horizon, write_page
     from mitsuba_taxel.evidence.rows.row import cells, headings
 

@@ -28,10 +28,9 @@ from ..options import debug_option, folder_option
 )  # fmt: skip
 @debug_option
 def command(folder: Path, only: str | None, docs: Path | None, workers: int | None) -> None:
-    """Compute the missing parts of the paper's rerun in DIR, and write the pages paper.md, optimum.md and mould.md with
-    their figures.
+    """Recompute the figures and tables of the paper, and write the pages paper.md, optimum.md and mould.md.
 
-    They contain the parts that are complete in DIR.
+    Parts that are complete in DIR are not computed again. The pages contain all complete parts.
     """
     from mitsuba_taxel.evidence.paper.page.page import write_pages
     from mitsuba_taxel.evidence.paper.parts import chosen, complete, compute

@@ -19,7 +19,9 @@ from ..options import debug_option, folder_option
 )
 @debug_option
 def command(folder: Path, docs: Path | None) -> None:
-    """Compute the missing parts of the comparison in DIR, and write the page validation.md."""
+    """Compare simulated sensors with measured ones, and write the page validation.md.
+
+    Parts of the comparison that are complete in DIR are not computed again."""
     from mitsuba_taxel.evidence.measured.validation import write_validation
     from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 

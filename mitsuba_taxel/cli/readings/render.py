@@ -35,9 +35,9 @@ COLOURS = "llvm_ad_rgb"
 @click.option(
     "-o", "--output", type=NewFile(".exr"), metavar="MAP.exr", help="Write an irradiance map, or a camera's image."
 )
-@click.option("--audit", is_flag=True, help="Also account for the light: absorbed, detected, escaped.")
-@click.option("--crosstalk", is_flag=True, help="Also read each LED on each phototransistor.")
-@click.option("--explain", is_flag=True, help="Also list work that this scene did not need.")
+@click.option("--audit", is_flag=True, help="Also print where the light goes: absorbed, detected, escaped.")
+@click.option("--crosstalk", is_flag=True, help="Also print the power of each LED on each phototransistor.")
+@click.option("--explain", is_flag=True, help="Also list the computations that this scene did not need.")
 @derivatives_option
 @circuit_option
 @json_option

@@ -37,16 +37,17 @@ SHOWN = ("max_slope", "mean_slope", "relative_slope")
 @click.argument("source", metavar="SCENE|STUDY.toml")
 @click.option(
     "--vary", multiple=True, metavar="NAME=VALUES", callback=assignments,
-    help="start:stop:step (stop included), a,b,c, or @FILE with a value per line; several form a product. "
-    "For a force the step may be omitted: fz=0:-20.",
+    help="Values of a parameter: start:stop:step (stop included), a,b,c, or @FILE with a value per line. If repeated, "
+    "all combinations are computed. For a force the step may be omitted: fz=0:-20.",
 )  # fmt: skip
 @click.option(
     "--together", multiple=True, metavar="NAME=VALUES", callback=assignments,
-    help="The same, but values of all of these are combined row by row, along one dimension 'step'.",
+    help="Values of a parameter that changes together with others: if repeated, values are combined row by row.",
 )  # fmt: skip
 @click.option(
-    "--steps", type=click.Path(path_type=Path), metavar="STEPS.csv", help="The same as a table; columns are parameters."
-)
+    "--steps", type=click.Path(path_type=Path), metavar="STEPS.csv",
+    help="Steps of a load path, one per row; columns are parameters.",
+)  # fmt: skip
 @defines_option
 @target_error_option
 @points_option
@@ -91,7 +92,7 @@ def command(
     parquet: bool,
     as_json: bool,
 ) -> None:
-    """Read a scene at every value of its varied parameters, or all scenes of a study file.
+    """Compute the readings of a scene at all values of its varied parameters, or of all scenes of a study file.
 
     Each reading is stored in DIR as soon as it is computed, and the same command resumes an interrupted run. More
     values of a parameter, a further varied parameter, or a better target extend an existing study. Tables, meshes and a

@@ -18,16 +18,16 @@ from ..options import Fraction, debug_option, json_option, output_option
     type=Fraction(),
     default="90%",
     show_default=True,
-    help="Share of the values that intervals should contain.",
+    help="Fraction of the true values that intervals should contain.",
 )
 @click.option(
     "--noise", type=Fraction(), show_default="0.5%, or that of the study's circuit alone",
-    help="Relative noise added to the light of each reading of a study; a measurement has its own.",
+    help="Relative noise added to the light of each reading of a study; a measurement has its own noise already.",
 )  # fmt: skip
 @click.option(
     "--over", multiple=True, type=click.Choice(["force", "depth", "place"]),
     show_default="the force if varied or measured, else the depth; and the place if varied",
-    help="Quantity to compute from readings; may be repeated.",
+    help="Quantity to estimate from readings; may be repeated.",
 )  # fmt: skip
 @json_option
 @debug_option

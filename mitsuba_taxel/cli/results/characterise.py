@@ -20,7 +20,7 @@ from ..options import circuit_option, debug_option, json_option
 @json_option
 @debug_option
 def command(source: Path, folder: Path | None, circuit: Path | None, as_json: bool) -> None:
-    """Characterise the study in DIR, or a bench measurement.
+    """Compute sensitivity, nonlinearity, hysteresis and repeatability of the study in DIR, or of a bench measurement.
 
     FILE.csv has force and one voltage per taxel, and time where it was recorded, with headings such as
     time_s,force_N,v1_V,v2_V. Tables and plots

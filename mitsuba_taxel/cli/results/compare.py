@@ -46,9 +46,9 @@ def command(
     """Rank the variants in one or several studies: shapes, dimensions, or other parameters besides the force.
 
     Slopes are ranked by magnitude. The table gives the probability that a variant is the best of those that meet the
-    limits, and its difference from the first, with an error in which common random numbers cancel. Where no variant is
-    within the limits, none is ranked, and the exit code is 1. With a circuit (that of the studies, or --circuit),
-    readings are in volts.
+    limits, and its difference from the first variant, with an error in which common random numbers cancel. If no
+    variant meets the limits, none is ranked, and the exit code is 1. With a circuit (that of the studies, or
+    --circuit), readings are in volts.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.characterise import compare, printed_comparison

@@ -29,7 +29,7 @@ def _shares(ctx: click.Context, param: click.Parameter, value: str) -> tuple[flo
 )
 @click.option(
     "--split", default="0.7,0.15,0.15", show_default=True, metavar="SHARES", callback=_shares,
-    help="Shares of train, validation and test.",
+    help="Fractions of the training, validation and test set; their sum is 1.",
 )  # fmt: skip
 @seed_option
 @click.option("--parquet", is_flag=True, help="Also write the tables as Parquet; needs pyarrow.")

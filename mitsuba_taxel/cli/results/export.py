@@ -15,10 +15,10 @@ from ..options import debug_option, json_option, output_option
 @json_option
 @debug_option
 def command(folder: Path, output: Path, as_json: bool) -> None:
-    """Write readings as a function of the parameters varied by the study in DIR, for any ONNX runtime.
+    """Fit a model to the readings of the study in DIR, as a function of its varied parameters, and write it as ONNX.
 
-    The model is a polynomial, cross-validated on whole paths; for a study with a circuit it also gives voltages and
-    counts. It flags inputs outside the range of the study, and contains their units and its error.
+    The model is a polynomial, cross-validated on whole paths; for a study with a circuit it also computes voltages and
+    counts. Its output `inside` is false for inputs outside the ranges of the study. The file states units and errors.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.surrogates import export

@@ -15,9 +15,11 @@ from ..options import debug_option, json_option, output_option
 @json_option
 @debug_option
 def command(folder: Path, output: Path, as_json: bool) -> None:
-    """Write the study in DIR as one page: plots, tables, errors and times, and an interactive view of the deformed pad;
-    or what `taxel tolerance`, `fit`, `optimise`, `compare`, `dataset`, `export` or `calibrate` left there: verdict,
-    plots and tables.
+    """Write the results in DIR as one web page.
+
+    The page of a study has plots, tables, errors and times, and an interactive view of the deformed pad. The page of a
+    result of `taxel tolerance`, `fit`, `optimise`, `compare`, `dataset`, `export` or `calibrate` has its verdict, plots
+    and tables.
 
     The page is a single file that needs no network and no server.
     """

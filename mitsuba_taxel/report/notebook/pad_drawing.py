@@ -22,7 +22,7 @@ Point = tuple[float, float]
 
 
 def draw_pad(pad: Pad) -> str:
-    """Section through the middle row of a pad's cells, and its plan with the cells' numbers."""
+    """SVG drawing of a pad: section through the middle row of cells, and plan with the numbers of the cells."""
     length, depth, height = pad.extent
     scale = WIDTH / max(length, depth)
     words = f"Section and plan of a pad of {length:g} by {depth:g} by {height:g} mm with {pad.cell} cells"
@@ -46,9 +46,9 @@ def draw_pad(pad: Pad) -> str:
 
 
 def draw_surface(vertices: np.ndarray, triangles: np.ndarray) -> str:
-    """Two sections of a closed surface with vertices (V, 3) in mm and triangles (T, 3).
+    """SVG drawing of two sections of a closed surface with vertices (V, 3) in mm and triangles (T, 3).
 
-    One is vertical through the middle, the other horizontal just above the lowest points, where cells are open.
+    The vertical section is through the middle; the horizontal section is just above the bottom, where cells are open.
     """
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = high - low

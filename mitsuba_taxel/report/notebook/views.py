@@ -47,7 +47,7 @@ class StudyView:
 
 
 def show(study: xr.Dataset | xr.DataTree) -> StudyView:
-    """View of a study for notebooks: its plot, the sensitivities, the figures of its circuit, and the error budget.
+    """Show a study in a notebook: plot of the readings, sensitivities, figures of the circuit, and error budget.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def show(study: xr.Dataset | xr.DataTree) -> StudyView:
 
 
 def html_of(shown: Displayed) -> str:
-    """An object of this package as HTML.
+    """HTML view of an object of this package: a drawing, table or plot.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ _FINEST, _STEP = 1 / 150, 1.15
 
 
 class CoarseSurface(NamedTuple):
-    """Kept vertices of a surface, (V,) int, and the triangles (T, 3) and regions (T,) between them."""
+    """A simplified surface: indices (V,) of the kept vertices, the triangles (T, 3) between them, and regions (T,)."""
 
     kept: np.ndarray
     triangles: np.ndarray
@@ -26,11 +26,11 @@ class CoarseSurface(NamedTuple):
 def coarsened(
     vertices: np.ndarray, triangles: np.ndarray, regions: np.ndarray, most_vertices: int = MOST_VERTICES
 ) -> CoarseSurface:
-    """A surface simplified to at most ``most_vertices`` of its vertices.
+    """Simplify a surface of N vertices and M triangles, such that at most ``most_vertices`` vertices remain.
 
-    Vertices in the same cube of a grid are merged if they belong to the same regions, so that vertices on a rim are not
-    merged with vertices beside the rim. For a deformed surface with the same triangles, ``kept`` selects the same
-    material points.
+    Vertices in the same cube of a grid are merged into one of them if they belong to the same regions, so that rims
+    between regions are preserved. The kept vertices are also material points of every deformed surface with the same
+    triangles.
 
     Source: J. Rossignac and P. Borrel, Multi-resolution 3D approximations for rendering complex scenes, 1993.
 

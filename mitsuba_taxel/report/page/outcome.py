@@ -118,7 +118,7 @@ AS_PRINTED: dict[str, tuple[str, _Rows]] = {
 
 
 def outcome_sections(folder: Path) -> list[str]:
-    """Sections for the output of these commands in a folder; empty if the folder contains no such output."""
+    """HTML sections with the output of the commands named above; empty if the folder contains no such output."""
     made = [_section(kind, folder) for kind in OUTCOMES if (folder / kind.file).is_file()]
     models = sorted(folder.glob("*.onnx"))
     if models and find_spec("onnx") is None:

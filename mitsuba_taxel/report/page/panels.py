@@ -1,4 +1,4 @@
-"""Panels of the page's viewer: one for each combination of parameters of a study, with its load steps."""
+"""Panels of the page's 3D viewer: one for each combination of parameters of a study, with its load steps."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def viewer_panels(
     left_out: list[str],
     progress: Callable[[int, int], None],
 ) -> list[dict[str, Any]]:
-    """Panels of a study whose folder contains the meshes of its pads.
+    """Data for the panels of the 3D viewer, from the meshes of the pads in the folder of a study.
 
     Parameters
     ----------

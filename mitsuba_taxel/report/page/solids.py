@@ -50,7 +50,7 @@ def _read(file: Path) -> ShownSurface:
 
 
 class Topologies:
-    """Simplified surfaces of a panel; surfaces with the same triangles share a simplification."""
+    """Simplified surfaces of a panel; surfaces with the same triangles are simplified in the same way."""
 
     def __init__(self) -> None:
         self._places: dict[bytes, int] = {}
@@ -67,7 +67,7 @@ class Topologies:
 
 
 class ArrayEncoding:
-    """Encoding of arrays as text: lengths as 16-bit multiples of ``unit`` mm, little-endian, in base 64."""
+    """Encoding of arrays as text in base 64; lengths are 16-bit little-endian multiples of ``unit`` mm."""
 
     def __init__(self, largest: float) -> None:
         self.unit = max(largest, 1e-6) / SPAN

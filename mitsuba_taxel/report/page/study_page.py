@@ -31,7 +31,7 @@ from mitsuba_taxel.studies.store.provenance import provenance
 def write_report(
     folder: Path, file: Path, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[str]:
-    """Write the web page of a folder of results.
+    """Write the results in a folder as one self-contained web page.
 
     Parameters
     ----------

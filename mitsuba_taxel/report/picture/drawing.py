@@ -110,7 +110,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
 
 
 def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
-    """A picture (H, W, 3) with a scale of contact pressures up to ``most`` MPa in its upper left corner.
+    """Draw a colour scale of contact pressures up to ``most`` MPa into the upper left corner of a picture.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
 
 
 def labelled(pixels: np.ndarray, words: str, position: tuple[int, int] | None = None) -> np.ndarray:
-    """A picture (H, W, 3) with words in its lower left corner, or at a position in pixels.
+    """Draw a line of text into the lower left corner of a picture, or at a position.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def render_parts(
     samples: int = 64,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
-    """A picture of the parts of a sensor, seen from -y, a little from the right and from above.
+    """Render a picture of a sensor, seen from -y, slightly from the right and from above.
 
     Parameters
     ----------
@@ -290,7 +290,7 @@ def _meshes(parts: Sequence[ShownPart], folder: Path) -> dict[str, dict[str, Any
 
 
 def most_pressure(parts: Sequence[ShownPart]) -> float:
-    """Largest contact pressure of an indenter.
+    """Largest contact pressure on the pads of a picture.
 
     Parameters
     ----------

@@ -8,10 +8,10 @@ from mitsuba_taxel.kernels.protocols import PadShape
 
 
 def indenter_surface(pad: PadShape, magnify: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
-    """Vertices (V, 3) in mm and triangles (T, 3) of the indenter of a loaded `deformable_pad`; None without an
-    indenter.
+    """Surface of the indenter of a loaded `deformable_pad`: vertices (V, 3) in mm and triangles (T, 3).
 
-    If the indenter is larger than the pad, only its part around the tip is returned, up to the length of the pad.
+    If the indenter is larger than the pad, only its part around the tip is returned, up to the length of the pad. The
+    result is None for a pad without an indenter.
 
     Parameters
     ----------

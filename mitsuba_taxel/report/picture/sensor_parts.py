@@ -70,11 +70,12 @@ class ShownPart:
 def shown_parts(
     scene: mi.Scene, cut: float | str = "middle", magnify: float = 1.0
 ) -> tuple[list[ShownPart], float | None]:
-    """The parts of a picture of a ``mi.Scene``, and the position of the cut.
+    """Collect the surfaces of a ``mi.Scene`` for a picture, and cut them open.
 
-    Pads and other surfaces remain at y > cut. Photo-reflectors are not cut, like fasteners in technical drawings. A
-    board is added. Rectangles are shown as thin sheets, except those at the height of the board; a rectangle with an
-    LED or a phototransistor looks like that part. Other shapes without triangles are omitted.
+    Of pads and other surfaces, the part at y > cut remains. Photo-reflectors are not cut, like fasteners in technical
+    drawings. A board is added. Rectangles are shown as thin sheets, except those at the height of the board; a
+    rectangle with an LED or a phototransistor is shown in the colour of that part. Other shapes without triangles are
+    omitted.
 
     Parameters
     ----------
