@@ -51,6 +51,32 @@ MIRRORS = (ACROSS_X, ACROSS_Y, ACROSS_SECOND_DIAGONAL, ACROSS_DIAGONAL)
 of all planes."""
 
 
+def mirror_image(mesh: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMesh:
+    """The mirror image of a mesh, whose nodes, elements and faces keep their numbers.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        The mesh.
+    mirror : Mirror
+        The plane.
+    cells : (cells + 1,) ndarray of int
+        Number of the mirror image of each cell; 0 for 0, which is no cell.
+
+    Returns
+    -------
+    VolumeMesh
+        The image.
+    """
+    return VolumeMesh(
+        mirror.image(mesh.points),
+        mesh.tets[:, _TET_SWAP],
+        mesh.faces[:, _FACE_SWAP],
+        mesh.face_region,
+        cells[mesh.face_cell],
+    )
+
+
 def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
     """The mesh joined with its mirror image at the nodes on the plane.
 

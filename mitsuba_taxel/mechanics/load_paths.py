@@ -19,6 +19,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLERANCE
+from mitsuba_taxel.mechanics.continuation.mirrored_places import canonical_place, mirrored_state, solved_by_symmetry
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.continuation.path_problem import lock_of
 from mitsuba_taxel.mechanics.continuation.placed_paths import path_along, placed_path, solved_on
@@ -226,8 +227,13 @@ def state_at_rest(
     with lock_of(pad):
         path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
-            path = path_along(path, [row for _, row in history]) if history else placed_path(path, rows[-1])[0]
-            return compared(path, path.state(np.zeros(load.components)))
+            zero = np.zeros(load.components)
+            if history:
+                path = path_along(path, [row for _, row in history])
+                return compared(path, path.state(zero))
+            placed = placed_path(path, rows[-1])[0]
+            canonical, _, mirrors = canonical_place(placed, zero)
+            return mirrored_state(placed, compared(canonical, canonical.state(zero)), mirrors)
 
 
 def remembering(material: Material | Viscoelastic) -> Viscoelastic:
@@ -237,16 +243,21 @@ def remembering(material: Material | Viscoelastic) -> Viscoelastic:
 
 def _elastic_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
     """The deformed pad under a value of a load, without friction, solved on the elements of :func:`solved_on`."""
+    placed, there = placed_path(path, value)
     try:
-        on, _, state = solved_on(path, value, obstacles)
+        state = solved_by_symmetry(placed, there, obstacles, _compared_state)
     except LoadPathEnds as end:
         if end.value is None or end.load == path.load or path.load.moved_indenter is None:
             raise
         raise end.at(path.load, np.array([*value[:2], end.value[2]])) from end
-    state = compared(on, state)
-    if on.load == path.load:
+    if placed.load == path.load:
         return state
     return replace(state, load=path.load, value=value, indenter_moved=value)
+
+
+def _compared_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None) -> State:
+    on, _, state = solved_on(path, value, obstacles)
+    return compared(on, state)
 
 
 def _state_in_time(

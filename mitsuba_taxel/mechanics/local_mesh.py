@@ -102,7 +102,7 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
             f"{refinement.relative_size * FINENESS * least:.2g} mm: a larger indenter or a larger mesh_size is needed."
         ) from error
     for mirror in (ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y) if len(images) == len(MIRRORS) else images:
-        part = _completed(part, mirror, _cells_of_images(mesh, mirror, images[mirror]))
+        part = _completed(part, mirror, cells_of_images(mesh, mirror, images[mirror]))
     corners, middles = np.unique(part.tets[:, :4]), np.unique(part.tets[:, 4:])
     order = np.concatenate([corners, middles])
     number = np.argsort(order)
@@ -204,8 +204,23 @@ def _completed(part: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMes
     return replace(joined, face_cell=cell)
 
 
-def _cells_of_images(mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> np.ndarray:
-    """Number (cells + 1,) of the cell that is the mirror image of each cell; cells count from 1."""
+def cells_of_images(mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> np.ndarray:
+    """Numbers of the mirror images of cells.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Mesh of the undeformed pad.
+    mirror : Mirror
+        A mirror that maps the mesh onto itself.
+    image : (N,) ndarray of int
+        Image of each node.
+
+    Returns
+    -------
+    (cells + 1,) ndarray of int
+        Number of the mirror image of each cell; 0, which is no cell, stays 0.
+    """
     faces, images = (np.sort(nodes[:, :3], axis=1) for nodes in (mesh.faces, image[mesh.faces]))
     own_order, image_order = np.lexsort(faces.T), np.lexsort(images.T)
     cells = np.zeros(mesh.face_cell.max() + 1, dtype=mesh.face_cell.dtype)

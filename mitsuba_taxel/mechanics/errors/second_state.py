@@ -9,9 +9,10 @@ import numpy as np
 
 from mitsuba_taxel.base.convergence import SLOPE_ORDER, TYPICAL_SLOPE_ERROR
 from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
+from mitsuba_taxel.mechanics.continuation.mirrored_places import canonical_place, mirrored_state
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath, pad_path
 from mitsuba_taxel.mechanics.continuation.path_problem import lock_of
-from mitsuba_taxel.mechanics.continuation.placed_paths import solved_on
+from mitsuba_taxel.mechanics.continuation.placed_paths import placed_path, solved_on
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
@@ -83,13 +84,15 @@ def second_state(
     with lock_of(pad):
         size = chosen_size(pad, material, load, mesh_size, mesh_tolerance)
         path = pad_path(pad, material, load, size, judged_on=judged_on, bodies=bodies)
-        path, there, _ = solved_on(path, np.array(value, dtype=float))
+        placed, there = placed_path(path, np.array(value, dtype=float))
+        canonical, there, mirrors = canonical_place(placed, there)
+        path, there, _ = solved_on(canonical, there)
 
         def compare(second: PadPath, comparison: RoofComparison) -> SecondState:
             state = compared(second, second.state(there))
             second.refuse_unresolved(there, state.displacement)
             growth = size_ratio(path.mesh, second.mesh) ** SLOPE_ORDER
             least = second_meshes(path).typical(TYPICAL_SLOPE_ERROR)
-            return SecondState(state, 1 / abs(growth - 1), 1 / (growth + 1), least)
+            return SecondState(mirrored_state(placed, state, mirrors), 1 / abs(growth - 1), 1 / (growth + 1), least)
 
         return second_meshes(path).first(compare)

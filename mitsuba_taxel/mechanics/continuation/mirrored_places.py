@@ -1,0 +1,177 @@
+"""States under a body at places that symmetries of the pad map onto each other: one of them is solved.
+
+A ball at (x, y) on a symmetric pad deforms it into the mirror image of the pad under the ball at (-x, y). Of such
+places, the one on the kept side of all mirrors is solved; it is called canonical. The states at the others are its
+mirror images, on the mirror image of its mesh, to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.caches import kept
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror, mirror_image
+from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
+from mitsuba_taxel.mechanics.continuation.state import PathRate, State, StateComparison
+from mitsuba_taxel.mechanics.elements.symmetry import node_images
+from mitsuba_taxel.mechanics.local_mesh import cells_of_images
+from mitsuba_taxel.mechanics.meshes import pad_mesh
+
+Mirrors = tuple[Mirror, ...]
+
+
+def canonical_place(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray, Mirrors]:
+    """The path of a body at the canonical place, the value of its load there, and the mirrors that lead there.
+
+    Parameters
+    ----------
+    path : PadPath
+        Path under an indenter without friction, or under another load.
+    value : (c,) ndarray
+        Value of the load, in N, mm or MPa.
+
+    Returns
+    -------
+    path : PadPath
+        Path at the canonical place; the same path if the place is canonical, or the load has no place.
+    value : (c,) ndarray
+        Value of the load there.
+    mirrors : tuple of Mirror
+        Mirrors that map the place to the canonical place, in this order.
+    """
+    load: Any = path.load
+    if load.indenter is None or not load.has_position:
+        return path, value, ()
+    place, used = np.array([*load.indenter.at, 0.0]), []
+    if all(mirror.side(place) >= 0 for mirror in MIRRORS):
+        return path, value, ()
+    upright = replace(load.indenter, at=(0.0, 0.0)).body
+    images = _images(pad_mesh(path.pad, path.mesh_size))
+    for mirror in MIRRORS:
+        symmetric = mirror in images and upright.keeps(mirror)
+        if symmetric and mirror.side(place) < 0 and (path.bodies is None or path.bodies.kept_by(mirror)):
+            place, value = mirror.image(place), mirror.image(value)
+            used.append(mirror)
+    if not used:
+        return path, value, ()
+    x, y, _ = place.tolist()
+    return path.like(replace(load, indenter=replace(load.indenter, at=(x, y)))), value, tuple(used)
+
+
+def solved_by_symmetry(
+    path: PadPath,
+    value: np.ndarray,
+    obstacles: np.ndarray | None,
+    solve: Callable[[PadPath, np.ndarray, np.ndarray | None], State],
+) -> State:
+    """The state at a place, from that at the canonical place.
+
+    If there is none at the canonical place, the load is solved at the place itself: its message then names the place.
+
+    Parameters
+    ----------
+    path : PadPath
+        The path.
+    value : (c,) ndarray
+        Value of the load, in N, mm or MPa.
+    obstacles : (K, 3, 3) ndarray or None
+        Corners of the triangles of obstacles, mm.
+    solve : Callable
+        Function that solves a path under a value between obstacles.
+
+    Returns
+    -------
+    State
+        The state.
+    """
+    canonical, there, mirrors = canonical_place(path, value)
+    if mirrors:
+        for mirror in mirrors if obstacles is not None else ():
+            obstacles = mirror.image(obstacles)
+        try:
+            return mirrored_state(path, solve(canonical, there, obstacles), mirrors)
+        except (ComputationError, InputError):
+            for mirror in reversed(mirrors) if obstacles is not None else ():
+                obstacles = mirror.image(obstacles)
+    return solve(path, value, obstacles)
+
+
+def mirrored_state(path: PadPath, state: State, mirrors: Mirrors) -> State:
+    """The state of a path from the state at the canonical place.
+
+    Parameters
+    ----------
+    path : PadPath
+        The path of the body at its own place.
+    state : State
+        State at the canonical place, without memory.
+    mirrors : tuple of Mirror
+        Mirrors that map the place to the canonical place, in this order.
+
+    Returns
+    -------
+    State
+        The mirrored state, of the load of ``path``; the same state without mirrors.
+    """
+    if not mirrors:
+        return state
+
+    def back(vectors: np.ndarray) -> np.ndarray:
+        for mirror in reversed(mirrors):
+            vectors = mirror.image(vectors)
+        return vectors
+
+    def comparison() -> StateComparison:
+        compared = state.second_mesh()
+        deviate = compared.deviate
+        return compared._replace(deviate=deviate and (lambda: back(deviate())))
+
+    def rate() -> PathRate | None:
+        along = state.path_rate()
+        return along and PathRate(back(along.direction), back(along.displacement))
+
+    moved = state.indenter_moved
+    return replace(
+        state,
+        mesh=mirrored_mesh(state.mesh, pad_mesh(path.pad, path.mesh_size), tuple(reversed(mirrors))),
+        load=path.load,
+        value=back(state.value),
+        displacement=back(state.displacement),
+        second_mesh=comparison,
+        path_rate=rate,
+        indenter_moved=None if moved is None else back(moved),
+    )
+
+
+@kept(8)
+def mirrored_mesh(mesh: VolumeMesh, common: VolumeMesh, mirrors: Mirrors) -> VolumeMesh:
+    """A refined mesh after reflection by some mirrors in turn, with the same numbers of nodes.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        The refined mesh.
+    common : VolumeMesh
+        Mesh of the same pad that the mirrors map onto itself.
+    mirrors : tuple of Mirror
+        The mirrors.
+
+    Returns
+    -------
+    VolumeMesh
+        Mirror image, on which a cell has the number of the cell at its position.
+    """
+    for mirror in mirrors:
+        mesh = mirror_image(mesh, mirror, cells_of_images(common, mirror, _images(common)[mirror]))
+    return mesh
+
+
+@kept(16)
+def _images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
+    return node_images(mesh)
