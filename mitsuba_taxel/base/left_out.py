@@ -7,7 +7,7 @@ LEFT_OUT = {
     "calibration": "Intervals are valid for paths like those of the data; they leave out "
     f"{_MODEL}, and contact of another kind.",
     "fit": f"Errors leave out {_MODEL}; fixed parameters count as exact.",
-    "model": f"Errors leave out {_MODEL}; outside the box no error is known.",
+    "model": f"Errors leave out {_MODEL}; outside the ranges of the inputs no error is known.",
     "report": f"Errors are those of the light, the finite elements and the surfaces; they leave out {_MODEL}.",
     "tolerance": "Spreads are those of the given tolerances alone; they leave out "
     f"{_MODEL.replace(', scatter of parts and of their assembly', '')}, and parameters without a tolerance.",

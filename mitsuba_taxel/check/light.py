@@ -33,7 +33,11 @@ def check_light(objects: SceneObjects) -> Iterator[Finding]:
     yield from _nothing_comes_back(objects)
     for led in objects.of("annular_led"):
         if float(led.instance.power[0]) == 0:
-            yield led.finding("warning", "power = 0 of annular_led: it emits no light, so all readings are 0.", "power")
+            yield led.finding(
+                "warning",
+                "power = 0 of annular_led: it emits no light, so all readings are 0; a power above 0 is needed.",
+                "power",
+            )
     integrators = [obj for obj in objects.roots if obj.kind == "integrator" and obj.valid]
     for integrator in integrators[1:]:
         yield integrator.finding(
@@ -165,7 +169,10 @@ def _nothing_comes_back(objects: SceneObjects) -> Iterator[Finding]:
         return
     reflectors = [obj for obj in objects.shapes() if obj not in carriers]
     if reflectors and all(absorbs(_cover(obj, "")) for obj in reflectors):
-        yield reflectors[0].finding("warning", "no surface in the light of the LEDs reflects: all readings are 0.")
+        yield reflectors[0].finding(
+            "warning",
+            "no surface in the light of the LEDs reflects, so all readings are 0: give one a wall that reflects.",
+        )
 
 
 def _cover(shape: SceneObject, region: str) -> Any:
@@ -182,15 +189,15 @@ def _integrator(integrator: SceneObject, objects: SceneObjects) -> Iterator[Find
     instance, plugin = integrator.instance, integrator.plugin
     if plugin in _FROM_THE_LIGHT or traces_taxels(instance):
         return
-    cause = f"{plugin} starts at the phototransistor, from where"
+    cause = f"{plugin} starts paths at the phototransistor, where"
     unbounded = [obj for obj in objects.of("wall") if not is_bounded_from_detector(obj.instance)]
     if unbounded:
         wall = f"the isotropic wall of line {unbounded[0].element.line}"
-        yield integrator.finding("warning", f"{cause} {wall} has no bounded variance: use taxel_tracer.")
+        yield integrator.finding("warning", f"{cause} {wall} makes their variance unbounded: use taxel_tracer.")
     for led in objects.of("annular_led"):
         if isinstance(led.instance.law, UniformPolarAngle):
             law = f"the law uniform_polar_angle of line {led.element.line}"
-            yield integrator.finding("warning", f"{cause} {law} has no bounded variance: use taxel_tracer.")
+            yield integrator.finding("warning", f"{cause} {law} makes their variance unbounded: use taxel_tracer.")
 
 
 def _tables(objects: SceneObjects) -> Iterator[Finding]:

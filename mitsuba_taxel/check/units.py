@@ -126,7 +126,7 @@ def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
         points = np.concatenate([points.reshape(-1, 2) * half, np.zeros((points[..., 0].size, 1))], axis=1)
         if load.moved_indenter.body.gap(points - tip).size.min() < 0:
             return ""
-    return "leaves the pad at rest: the indenter does not touch it"
+    return "does not deform the pad, as the indenter does not touch it: increase the depth, or place it above the pad"
 
 
 def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:

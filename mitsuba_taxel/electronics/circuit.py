@@ -87,8 +87,8 @@ class Circuit(Checked):
     current_gain: float = number(
         0.0,
         "",
-        "Current gain of the phototransistor, which amplifies the shot noise of its base current. With 0, only that of "
-        "the photocurrent counts.",
+        "Current gain of the phototransistor, which amplifies the shot noise of its base current. With 0, only the "
+        "shot noise of the photocurrent counts.",
         minimum=0,
     )
     flicker_noise: float = number(0.0, "V", "1/f noise at the converter, at 1 Hz and in 1 Hz.", minimum=0)

@@ -195,7 +195,10 @@ def _result(
         for name in names
         if name in model.hidden
     ]
-    notes = [f"by differences of readings, with their noise: {name} ({why})" for name, why in model.refused.items()]
+    notes = [
+        f"derivatives with respect to {name} are differences of noisy readings ({why})"
+        for name, why in model.refused.items()
+    ]
     notes.append(LEFT_OUT["fit"])
     return FitResult(
         unknowns,

@@ -110,12 +110,14 @@ class DesignEvaluator:
         for design in first.values():
             refused |= without_derivative(plan.scene(design), [*self._names, *other_parameters])
         self.notes = [
-            f"not tried, as no sensor within the bounds is possible: {', '.join(choice)}"
+            f"not evaluated, as no sensor is possible within the bounds: {', '.join(choice)}"
             for choice in product(*plan.choices.values())
             if choice not in first
         ]
         self.notes += [
-            f"by differences of readings: {name} ({refused[name]})" for name in self._names if name in refused
+            f"derivatives with respect to {name} are differences of readings ({refused[name]})"
+            for name in self._names
+            if name in refused
         ]
         for name in other_parameters:
             if name in refused:
@@ -173,7 +175,7 @@ class DesignEvaluator:
         if self._by and "smooth_power" not in study:
             if set(self._by) - set(self._names):
                 raise InputError(f"tolerances cannot be computed: {study.attrs['notes'].splitlines()[0]}")
-            self.notes += [f"by differences of readings: {study.attrs['notes'].splitlines()[0]}"]
+            self.notes += [f"derivatives are differences of readings: {study.attrs['notes'].splitlines()[0]}"]
             self._by = []
             self._read(designs)
             return

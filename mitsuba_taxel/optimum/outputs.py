@@ -161,7 +161,7 @@ def slope_line(result: Optimum) -> str:
     verdict = "It is a local optimum" if result.is_local else "It is not shown to be a local optimum"
     count = f"{result.gradients} gradients" if result.gradients > 1 else "one gradient"
     return (
-        f"{verdict}: the slope that constraints and bounds do not balance would change the objective by "
+        f"{verdict}: the slope that remains within constraints and bounds would change the objective by "
         f"{result.unbalanced:.1%}{error} over the bounds (from {count})."
     )
 

@@ -183,9 +183,8 @@ def _ends(optimiser: Optimiser, verification: MeshVerification, reads: Mapping[s
         error = "" if finer == "best" else f" ± {EXTRAPOLATED * abs(ends[1] - ends[0]):.2g} (from the finer mesh)"
         notes.append(f"{figure.words}: {ends[0]:.4g}{error} {figure.unit}, {end_of(figure, reads['best'].values)}")
         if figure.parameters["along"] in optimiser.designs.no_contact:
-            notes.append(
-                f"{figure.words} ends with saturation alone: {optimiser.designs.no_contact[figure.parameters['along']]}"
-            )
+            why = optimiser.designs.no_contact[figure.parameters["along"]]
+            notes.append(f"{figure.words} is limited by saturation only, as the first contact is unknown: {why}")
     return notes
 
 

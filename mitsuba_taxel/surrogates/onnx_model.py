@@ -107,8 +107,8 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
         readings = np.sqrt(np.square(study.voltage_error).mean([dim for dim in study.power.dims if dim != "taxel"]))
         total_voltage_error = float(np.hypot(rms, readings.max()))
         notes.append(
-            f"voltage: error {rms:.2g} V (at worst {worst:.2g} V), on the same; with that of the study's readings "
-            f"{total_voltage_error:.2g} V; one count: {circuit.step:.4g} V"
+            f"voltage: error {rms:.2g} V (at worst {worst:.2g} V) in the same test; {total_voltage_error:.2g} V with "
+            f"the error of the study's readings; one count is {circuit.step:.4g} V"
         )
         notes += filter(None, [saturated_words(circuit, study.power.values)])
         metadata["voltage"] = "voltage in V as the converter reads it, without noise; counts of the converter"

@@ -99,8 +99,7 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
     max_degrees = [min(len(np.unique(column)) - 1, MOST_DEGREE) for column in scaled.T]
     if max(max_degrees) < 2:
         raise InputError(
-            "a polynomial needs at least three values of each varied parameter, and the study has two of one: extend "
-            "the study."
+            "a polynomial needs at least three values of a varied parameter, and each has two: extend the study."
         )
     # Cross-validate each total degree that has fewer terms than rows.
     groups, tested = _test_groups(scaled, path)

@@ -61,8 +61,9 @@ def printed_calibration(calibration: Calibration) -> Printed:
     ]
     if few:
         printed.append(
-            f"{paths} paths are too few for {asked} by ranks of paths: at least {needed} are needed. Intervals hold "
-            f"if errors are normal from path to path; for any distribution they contain {paths / (paths + 1):.0%}."
+            f"{paths} paths are too few for {asked} by ranks of paths: at least {needed} are needed. Intervals are "
+            "valid if errors of paths are normally distributed; for any distribution they contain "
+            f"{paths / (paths + 1):.0%}."
         )
     test = (
         f"Tested on {calibration.tested}: intervals from the other paths contain {calibration.covered:.1%} +- "
@@ -72,7 +73,7 @@ def printed_calibration(calibration: Calibration) -> Printed:
     if not math.isnan(calibration.noise):
         circuit_noise = " of the light and that of the circuit" if calibration.unit == "V" else ""
         noise = f"{calibration.noise:.2g} relative noise{circuit_noise}"
-        printed.append(f"Readings in {calibration.unit} with {noise}; the study's own errors are not in it.")
+        printed.append(f"Readings in {calibration.unit} with {noise}; errors of the study's readings are not included.")
     if calibration.saturated:
         printed.append(calibration.saturated)
     return [*printed, LEFT_OUT["calibration"]]

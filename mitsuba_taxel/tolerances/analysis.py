@@ -136,7 +136,7 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
         f"{_units(plan)[row.figure]} per {of_parameters.get(row.parameter, '1')}" for row in shares.itertuples()
     ]
 
-    # Table of samples; those that are not exact have a linear answer only.
+    # Table of samples; those that are not exact have a linear estimate only.
     if not len(z_linear):
         table = _samples(plan, of_samples, z)
     else:
@@ -188,7 +188,7 @@ def _notes_of_indices(
                 # A Sobol' sequence needs a power of 2.
                 settings = [f"samples = {1 << (more[0] - 1).bit_length()}"] if more[0] > exact + linear else []
                 settings += [f"exact = {more[0]}"] if linear else []
-                help_ = f"{' and '.join(settings)} or more, through which one of degree {more[1]} is fitted,"
+                help_ = f"{' and '.join(settings)} or more, to which a polynomial of degree {more[1]} is fitted,"
             notes.append(
                 f"Sobol' indices of {name} are unknown for {len(unknown)} of {len(rows)} taxels: {why}, {ENOUGH:.0%} "
                 f"are needed; {help_} may explain more"
@@ -203,8 +203,8 @@ def _notes_of_few(
     without = [name for name, rates in shares.groupby("parameter", sort=False).rate if rates.isna().all()]
     if len(without) == parameters:
         return [
-            f"no parameter has a linear answer: results come from the {exact} exact samples alone; the other "
-            f"{linear} add nothing"
+            f"no parameter has a linear estimate: results come from the {exact} exact samples alone; the other "
+            f"{linear} samples add nothing; a larger exact reduces the errors"
         ]
     but = f", which leaves out {', '.join(without)}," if without else ""
     notes = []
@@ -213,12 +213,13 @@ def _notes_of_few(
         if len(little):
             worst = little.loc[little.linear_explained.idxmin()]
             notes.append(
-                f"the linear answer{but} explains only {worst.linear_explained:.0%} of the variance of {name} (taxel "
-                f"{worst.taxel}) over the exact samples: there the other {linear} add little to these {exact}"
+                f"the linear estimate{but} explains only {worst.linear_explained:.0%} of the variance of {name} (taxel "
+                f"{worst.taxel}) over the {exact} exact samples: the other {linear} samples add little; a larger exact "
+                "reduces the errors"
             )
     if fewest_of(parameters) > exact:
         notes.append(
-            f"Sobol' indices are shares of the linear answer: for a polynomial of {parameters} parameters "
+            f"Sobol' indices are shares of the linear estimate: for a polynomial of {parameters} parameters "
             f"exact = {fewest_of(parameters)} or more is needed"
         )
     return notes
@@ -341,7 +342,7 @@ def _of_figure(
     slopes : (T, laws) ndarray
         Derivatives of the figure with respect to the laws.
     z, z_linear : (N, laws) and (M, laws) ndarray
-        Standardised values of the exact samples, and of those with a linear answer only.
+        Standardised values of the exact samples, and of those with a linear estimate only.
     """
     # The linear estimate, and its error over the exact samples.
     per_deviation = slopes * [law.deviation for law in plan.laws]
@@ -360,7 +361,7 @@ def _of_figure(
     if len(z_linear):
         few = _corrected(plan, at_mean, of_samples, slopes, z, z_linear)
 
-    # Sobol' indices: of a polynomial, or of the linear answer as far as it explains the samples.
+    # Sobol' indices: of a polynomial, or of the linear estimate as far as it explains the samples.
     sobol = SobolIndices(*np.full((4, *slopes.shape), math.nan))
     if polynomial is not None:
         sobol = indices(polynomial, plan.laws)
@@ -393,7 +394,7 @@ def _of_figure(
 def _corrected(
     plan: TolerancePlan, at_mean: np.ndarray, exact: np.ndarray, slopes: np.ndarray, z: np.ndarray, z_linear: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """The moments of :func:`corrected`, with the linear answers of both kinds of samples; NaN counts as 0."""
+    """The moments of :func:`corrected`, with the linear estimates of both kinds of samples; NaN counts as 0."""
     linear, of_others = (np.nan_to_num(_linear(plan, at_mean, slopes, standardised)) for standardised in (z, z_linear))
     return corrected(exact, linear, of_others, plan.batch.seed)
 

@@ -1,4 +1,4 @@
-"""Control variates: moments from few exact samples and the linear answer of all samples."""
+"""Control variates: moments from few exact samples and the linear estimate of all samples."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 RESAMPLES = 200
 """Number of resamples for a standard error, which then has an uncertainty of 5 %."""
 LITTLE = 0.5
-"""Share of the variance below which the linear answer is of little use."""
+"""Share of the variance below which the linear estimate is of little use."""
 OF_NORMAL_QUANTILE = math.sqrt(0.05 * 0.95) / 0.10314
 """Standard error of the 5 % quantile of a normal sample of size 1: the root of p (1 - p) over the density there."""
 QUANTITIES = ("mean", "sd", "low", "high")
@@ -36,7 +36,7 @@ def corrected(exact: np.ndarray, linear: np.ndarray, linear_only: np.ndarray, se
     Returns
     -------
     ``mean``, ``sd``, ``low`` and ``high``, each with its standard error such as ``mean_error``, and
-    ``linear_explained``, the share of the variance of the exact samples explained by their linear answer (NaN where
+    ``linear_explained``, the share of the variance of the exact samples explained by their linear estimate (NaN where
     nothing varies), each (T,). The errors are the standard deviations over resamples of the exact and of the other
     samples, with replacement, and so include those of the correction and of its coefficient; they are valid for random
     samples, and conservative for Latin hypercubes and Sobol' points.
@@ -95,14 +95,14 @@ def _moments(samples: np.ndarray) -> np.ndarray:
 
 
 def _coefficient(exact: np.ndarray, linear: np.ndarray) -> np.ndarray:
-    """Slopes (T,) of the exact samples against their linear answer; 0 where the linear answer does not vary."""
+    """Slopes (T,) of the exact samples against their linear estimate; 0 where the linear estimate does not vary."""
     deviation = linear - linear.mean(axis=0)
     together, alone = np.sum(deviation * exact, axis=0), np.sum(deviation**2, axis=0)
     return np.divide(together, alone, out=np.zeros_like(alone), where=alone > 0)
 
 
 def _explained(exact: np.ndarray, linear: np.ndarray) -> np.ndarray:
-    """Share (T,) of the variance of the exact samples that their linear answer explains; NaN where they do not vary."""
+    """Fraction (T,) of the variance of exact samples that their linear estimate explains; NaN if they do not vary."""
     residual = exact - _coefficient(exact, linear) * linear
     variance = exact.var(axis=0)
     varies = variance > 1e-20 * np.mean(exact**2, axis=0)

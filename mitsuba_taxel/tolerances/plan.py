@@ -101,7 +101,7 @@ def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
             raise InputError(f"tolerance: {name} is not known: allowed are {', '.join(KEYS)}.")
     for name in ("together", "steps", "derivatives", "target_slope"):
         if name in scene or name in content:
-            raise InputError(f"{name} is not allowed in a tolerance study.")
+            raise InputError(f"{name} is not allowed in a tolerance study: take it out.")
 
     # The laws, and the batch of the sensor with all parameters at their mean.
     folder = file.resolve().parent

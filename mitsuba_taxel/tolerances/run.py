@@ -111,7 +111,7 @@ def _with_derivatives(plan: TolerancePlan) -> tuple[Batch, list[str]]:
     values = {name: words[0] for axis in plan.batch.axes for name, words in axis.values.items()}
     names = list(plan.factors.products)
     refused = without_derivative(plan.batch.scene(values), names)
-    notes = [f"no linear answer for {name}: {reason}" for name, reason in refused.items()]
+    notes = [f"no linear estimate for {name}: {reason}" for name, reason in refused.items()]
     return replace(plan.batch, derivatives=tuple(name for name in names if name not in refused)), notes
 
 

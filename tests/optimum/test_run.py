@@ -97,7 +97,8 @@ def test_a_plate_is_where_quadrature_has_it(tmp_path):
     assert found.figures.best_finer[0] == pytest.approx(-truth.fun, rel=1e-3)
     assert found.probability > 0.999 and list(found.variables["at"]) == ["", "low"]
     assert [note.split(" (")[0] for note in found.notes] == [
-        "by differences of readings: z", "by differences of readings: spacing",
+        "derivatives with respect to z are differences of readings",
+        "derivatives with respect to spacing are differences of readings",
     ]  # fmt: skip
 
 

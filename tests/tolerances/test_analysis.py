@@ -89,18 +89,18 @@ def test_the_reader_is_told_what_few_samples_cannot_tell():
     )
     shares = pandas.DataFrame({"parameter": list("abcde"), "rate": 1.0})
     (note,) = _notes_of_few(spread, shares, exact=9, linear=91, parameters=5)
-    assert "linear answer explains only 30% of the variance of rest (taxel 2)" in note and "91 add little" in note
+    assert "explains only 30% of the variance of rest (taxel 2)" in note and "91 samples add little" in note
     (note,) = _notes_of_few(spread[2:], shares, exact=8, linear=92, parameters=5)
-    assert "Sobol' indices are shares of the linear answer" in note and "exact = 9 or more" in note
+    assert "Sobol' indices are shares of the linear estimate" in note and "exact = 9 or more" in note
 
 
 def test_the_reader_is_told_which_parameters_the_linear_answer_leaves_out():
     spread = pandas.DataFrame({"figure": ["rest"], "taxel": [1], "linear_explained": [0.0]})
     shares = pandas.DataFrame({"parameter": ["a", "b"], "rate": [1.0, math.nan]})
     (note,) = _notes_of_few(spread, shares, exact=9, linear=91, parameters=2)
-    assert note.startswith("the linear answer, which leaves out b, explains only 0% of the variance of rest")
+    assert note.startswith("the linear estimate, which leaves out b, explains only 0% of the variance of rest")
     (note,) = _notes_of_few(spread, shares.assign(rate=math.nan), exact=9, linear=91, parameters=2)
-    assert note.startswith("no parameter has a linear answer: results come from the 9 exact samples alone")
+    assert note.startswith("no parameter has a linear estimate: results come from the 9 exact samples alone")
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_the_reader_is_told_what_would_give_indices(linear, remedy):
     spread = pandas.DataFrame({"figure": ["rest"], "taxel": [1], "sd": [1.0], "explained": [-0.14]})
     shares = pandas.DataFrame({"figure": "rest", "taxel": 1, "total": [math.nan] * 3})
     (note,) = _notes_of_indices(spread, shares, exact=16, linear=linear, parameters=3)
-    assert f"the polynomial explains 0% of the variance, 80% are needed; {remedy}, through which" in note
+    assert f"the polynomial explains 0% of the variance, 80% are needed; {remedy}, to which" in note
 
 
 def test_the_reader_is_told_how_many_samples_saturate():

@@ -1,4 +1,4 @@
-"""Few exact samples and the linear answer of all, against closed forms, and how often stated errors hold."""
+"""Few exact samples and the linear estimate of all, against closed forms, and how often stated errors hold."""
 
 from __future__ import annotations
 

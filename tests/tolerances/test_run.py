@@ -110,7 +110,7 @@ def test_a_plate_has_no_linear_answer_but_spreads(tmp_path):
     head = 'scene = "plate.xml"\npoints = 64\ndefine = { scattering = "lambertian" }\n'
     (tmp_path / "study.toml").write_text(f"{head}[tolerance]\nsamples = 8\n[tolerance.of]\n{laws}")
     result = run_tolerance(tmp_path / "study.toml", tmp_path / "out")
-    assert result.notes[0].startswith("no linear answer for z: the scene has no pad")
+    assert result.notes[0].startswith("no linear estimate for z: the scene has no pad")
     (row,) = result.spread.itertuples()
     assert row.figure == "rest" and row.sd > 0 and np.isnan(row.linear_sd) and row.explained > 0.95
 

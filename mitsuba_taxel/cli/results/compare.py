@@ -96,7 +96,7 @@ def _require_ranked(comparison: Comparison) -> None:
             f"{name} at most {limit:g} {comparison.unit[name]}" for name, limit in comparison.limits.items()
         )
         raise ComputationError(
-            f"no variant is within the limits ({limits}), so none is ranked: the first one of the table is within "
+            f"no variant is within the limits ({limits}), so none is ranked: the first variant of the table meets "
             f"them with a probability of {closest.allowed:.1%}."
         )
 

@@ -212,16 +212,16 @@ def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None
     notes = [note for curve in curves for note in curve.notes]
     for curve, slack, may, (low, high) in zip(curves, best.slacks, possible, best.possible_slacks.T, strict=True):
         if slack:
-            words = "of slack is taken off" if slack > 0 else "of preload is added"
+            words = "of slack is subtracted" if slack > 0 else "of preload is added"
             notes.append(f"{curve.file}: the curve does not start at the origin: a strain of {abs(slack):.4f} {words}")
         elif may and max(-low, high) > LEAST_SLACK:
             notes.append(
-                f"{curve.file}: no slack is taken off; a strain of {low:.2g} to {high:.2g} is not excluded, and "
-                "intervals hold it"
+                f"{curve.file}: no slack is subtracted; the test does not exclude a slack of {low:.2g} to {high:.2g} "
+                "strain, which the intervals include"
             )
         elif not may:
             first = np.abs(curve.strain).min()
-            notes.append(f"{curve.file}: slack before its first strain of {first:.3g} is not seen, nor in intervals")
+            notes.append(f"{curve.file}: slack up to its first strain, {first:.3g}, is unknown; intervals leave it out")
     return MaterialFit(fits, curves, noises, relaxation, warnings, notes + (relaxation.notes if relaxation else []))
 
 

@@ -137,5 +137,5 @@ def refuse_contradictions(curves: list[StressCurve], noises: list[CurveNoise]) -
                     f"{words}, which their noise does not explain: tests of one silicone that agree are needed, or one "
                     "fit for each."
                 )
-            warnings.append(f"{words}: more than their noise; intervals do not hold the scatter of specimens")
+            warnings.append(f"{words}: more than their noise; intervals do not include the scatter of specimens")
     return warnings

@@ -126,7 +126,8 @@ class _StepCurve:
             if not self._follows(lower, upper):
                 force = self._ends[0] + (lower + upper) / 2 * (self._ends[1] - self._ends[0])
                 raise ComputationError(
-                    f"{self._name} needs a step, start:stop:step: {MOST_HALVINGS} halvings do not resolve {force:.4g}."
+                    f"steps of {self._name} cannot be chosen: {MOST_HALVINGS} halvings of its range do not resolve the "
+                    f"curve at {force:.4g}; give a step, as start:stop:step."
                 )
         return sorted(self._readings)
 

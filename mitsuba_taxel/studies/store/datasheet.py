@@ -197,8 +197,8 @@ def _caveats(studies: Mapping[str, xr.Dataset]) -> str:
     notes = _distinct(note for study in studies.values() for note in study.attrs.get("notes", "").splitlines())
     caveats = [
         "Readings of one study share their random numbers: their Monte Carlo errors are correlated between rows and "
-        "between parts. A model can learn the common error, which this test set does not show; one from a study with "
-        "another seed would.",
+        "between parts. A model can learn the common error, which this test set does not show; a test set "
+        "from a study with another seed shows it.",
         "The standard error is that of the light alone. The error of the deformed pad is not included, and is the same "
         "in all copies of a job; the study's notes on it are given below.",
         "All parts cover the same ranges of force: the test measures how well a model interpolates within them, not "

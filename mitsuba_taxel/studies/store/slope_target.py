@@ -68,7 +68,7 @@ def missed_slopes(study: xr.Dataset, target: float, forces: Collection[str] = FO
         Notes; empty if all slopes reach the target.
     """
     if "derivative" not in study:
-        return [f"target slope {target:g} not reached: there are no derivatives"]
+        return [f"target slope {target:g} not reached: the study has no derivatives with respect to its forces"]
 
     # Derivatives at each load.
     names = [name for name in study.parameter.values.tolist() if name in forces]
@@ -99,7 +99,8 @@ def missed_slopes(study: xr.Dataset, target: float, forces: Collection[str] = FO
         sources = ", ".join(f"{name} {in_percent(error)}" for name, error in zip(SOURCES, by_source, strict=True))
         notes.append(
             f"target slope {target:g} not reached by {np.sum(~(total <= target))} of {len(total)} {FIGURES[figure]} by "
-            f"{errors.force}: taxel {taxel + 1} has {in_percent(total[taxel])} of the steepest ({sources}); "
+            f"{errors.force}: the error of taxel {taxel + 1} is {in_percent(total[taxel])} of the steepest slope "
+            f"({sources}); "
             f"{_advice(errors, taxel, study.attrs['points'])}"
         )
     return notes

@@ -126,16 +126,16 @@ def test_slack_and_preload_are_found_and_said(slack, stress_of, write_csv):
     notes = [note for note in fit.notes if "does not start at the origin" in note]
     if slack:
         assert yeoh.slacks[0] == pytest.approx(slack, abs=3 * yeoh.slack_errors[0])
-        assert len(notes) == 1 and ("of slack is taken off" if slack > 0 else "of preload is added") in notes[0]
+        assert len(notes) == 1 and ("of slack is subtracted" if slack > 0 else "of preload is added") in notes[0]
     else:
         assert not notes and not yeoh.slacks.any()
-        assert any("no slack is taken off; a strain of -0.0" in note for note in fit.notes)
+        assert any("no slack is subtracted" in note and "a slack of -0.0" in note for note in fit.notes)
 
 
 def test_slack_of_a_curve_that_begins_late_is_said_to_be_unseen(curve_of):
     curve = curve_of("neo_hookean", (0.1,), "uniaxial", np.linspace(0.1, 0.6, 40), np.random.default_rng(3), 0.01)
     fit = rank_laws([curve])
-    assert "uniaxial.csv: slack before its first strain of 0.1 is not seen, nor in intervals" in fit.notes
+    assert "uniaxial.csv: slack up to its first strain, 0.1, is unknown; intervals leave it out" in fit.notes
 
 
 @pytest.mark.parametrize(("slack", "grows"), [(0.02, False), (0.04, True), (-0.015, False)])
