@@ -6,11 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mitsuba_taxel.base.units import prefixed
 from mitsuba_taxel.characterise.characteristics import DEVIATIONS, NO_CHANGE, NOT_ABOVE, NOT_RESOLVED, SLOPES
 
 if TYPE_CHECKING:
     import pandas
+    import xarray as xr
 
 LATEX = {"µ": r"$\mu$", "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"} | {
     letter: f"\\{letter}" for letter in "&%$#_{}"
@@ -191,6 +194,34 @@ def slope_answers(table: pandas.DataFrame, parameters: Mapping[str, str] | None 
                 error = f", each ± {largest:.2g} {unit} or less" if math.isfinite(largest) else ""
                 answers.append(f"Mean slopes over {force}: {low} to {high} {unit}{error}.")
     return answers
+
+
+def power_answer(study: xr.Dataset) -> str:
+    """State the range of the readings of a study, with their largest total error, in one line.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Results of one scene, with ``power`` and ``total_error`` in W.
+
+    Returns
+    -------
+    str
+        Such as ``Power over z: 2.41 to 19.71 mW, each ± 0.31 mW or less.``; empty if there is no reading.
+    """
+    power, error = study.power.values, study.total_error.values
+    read = np.isfinite(power)
+    if not read.any():
+        return ""
+    low, high, largest = power[read].min(), power[read].max(), error[read].max()
+    factor, unit = prefixed(high, "W")
+    over = ", ".join(str(dim) for dim in study.power.dims if dim != "taxel")
+    is_known, error_words = math.isfinite(largest), f"± {largest / factor:.2g} {unit}"
+    if read.sum() == 1:
+        stated = f" {error_words}" if is_known else "; the error is unknown"
+        return f"Power over {over}: {high / factor:.4g} {unit}{stated}."
+    stated = f", each {error_words} or less" if is_known else "; an error is unknown"
+    return f"Power over {over}: {low / factor:.4g} to {high / factor:.4g} {unit}{stated}."
 
 
 def pair_rows(pairs: pandas.DataFrame, latex: bool = False) -> tuple[list[str], list[list[str]]]:

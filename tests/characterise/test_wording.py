@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pandas
 import pytest
+import xarray as xr
 
 from mitsuba_taxel.characterise.wording import (
     figure_rows,
     latex_table,
+    power_answer,
     remarks_explained,
     slope_answers,
     table_rows,
@@ -88,6 +91,18 @@ def test_mean_slopes_are_the_answer_in_a_line():
     (renamed,) = slope_answers(pandas.DataFrame(slopes), {"fx": "f", "fz": "-push"})
     assert renamed.startswith("Mean slopes over fz = -push: -300 to -100 ")
     assert slope_answers(pandas.DataFrame([largest])) == slope_answers(pandas.DataFrame()) == []
+
+
+def test_powers_are_the_answer_in_a_line_without_a_force():
+    def study(power, error):
+        over = ("z", "taxel")
+        return xr.Dataset({"power": (over, np.array(power)), "total_error": (over, np.array(error))})
+
+    both = study([[1e-3, 2e-3], [math.nan, math.nan], [4e-3, 3e-3]], [[1e-5, 2e-5], [math.nan, math.nan], [5e-5, 1e-5]])
+    assert power_answer(both) == "Power over z: 1 to 4 mW, each ± 0.05 mW or less."
+    assert power_answer(study([[2.5e-3]], [[1e-5]])) == "Power over z: 2.5 mW ± 0.01 mW."
+    assert power_answer(study([[2.5e-3, 0.0]], [[math.nan, 0.0]])) == "Power over z: 0 to 2.5 mW; an error is unknown."
+    assert power_answer(study([[math.nan]], [[math.nan]])) == ""
 
 
 def test_latex_needs_no_package_and_escapes_words():

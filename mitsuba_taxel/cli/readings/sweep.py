@@ -184,14 +184,21 @@ def print_slopes(study, folder: Path) -> None:
     """
     from mitsuba_taxel.characterise import slope_summary, volts_notes, volts_table
     from mitsuba_taxel.characterise.roles import forces_by_parameter
-    from mitsuba_taxel.characterise.wording import AS_SHOWN, figure_rows, remarks_explained, slope_answers, table_rows
+    from mitsuba_taxel.characterise.wording import (
+        AS_SHOWN,
+        figure_rows,
+        power_answer,
+        remarks_explained,
+        slope_answers,
+        table_rows,
+    )
     from mitsuba_taxel.electronics.volts import circuit_of_study
 
     from ..many_taxels import HEADINGS, MOST_ROWS, full_table, slope_rows, volts_rows
     from ..tables import print_figures, print_table, say
 
     channel, slopes = slope_summary(study)
-    for line in slope_answers(slopes, forces_by_parameter(study)):
+    for line in filter(None, slope_answers(slopes, forces_by_parameter(study)) or [power_answer(study)]):
         say(f"{line}\n")
     many = study.sizes["taxel"] > MOST_ROWS
     if many and "taxel" in slopes and len(slopes):
