@@ -9,6 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     import pandas
+    import xarray as xr
 
     from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
     from mitsuba_taxel.sensing.reading.readings import Crosstalk, Readings
@@ -74,6 +75,31 @@ def reading_quantities(readings: Readings) -> dict[str, np.ndarray]:
     if readings.photocurrent is not None:
         quantities["photocurrent [A]"] = readings.photocurrent
     return quantities
+
+
+def study_quantities(study: xr.Dataset) -> dict[str, np.ndarray]:
+    """Least and largest power, its change and the worst error of each taxel, as :func:`summary_rows` takes them.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Study of one scene.
+
+    Returns
+    -------
+    dict[str, (T,) ndarray]
+        Values over all scenes that have a reading.
+    """
+    taxels = study.sizes["taxel"]
+    power, total = (study[name].transpose(..., "taxel").values.reshape(-1, taxels) for name in ("power", "total_error"))
+    relative = np.divide(total, power, out=np.zeros_like(power), where=power > 0)  # NaN stays where it is unknown
+    least, most = np.nanmin(power, axis=0), np.nanmax(power, axis=0)
+    return {
+        "least power [W]": least,
+        "largest power [W]": most,
+        "change of the power [W]": most - least,
+        "worst total error [%]": 100 * relative.max(axis=0),
+    }
 
 
 def derivative_quantities(derivatives: Derivatives) -> dict[str, np.ndarray]:
@@ -157,16 +183,6 @@ def volts_rows(volts: pandas.DataFrame) -> list[list[str]]:
         }
         rows += summary_rows(line.taxel.tolist(), quantities, missing="not reached")
     return rows
-
-
-def taxel_positions(scene) -> np.ndarray:
-    """Centres (T, 2) of a scene's phototransistors in mm, along x and y of the first of their boards."""
-    from mitsuba_taxel.sensing.scene.taxels import taxels_of
-
-    faces = [pair.sensor.faces for pair in taxels_of(scene)]
-    centres = np.concatenate([np.array(grid.centres).T for grid in faces])
-    axes = np.stack([np.array(axis).ravel() for axis in (faces[0].frame.s, faces[0].frame.t)], axis=1)
-    return centres @ axes
 
 
 def map_lines(values: np.ndarray, positions: np.ndarray, unit: str) -> list[str]:

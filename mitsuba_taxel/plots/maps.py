@@ -87,6 +87,8 @@ def pair_among(study: xr.Dataset, names: Sequence[str]) -> tuple[str, str] | Non
 def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
     """Plot the power of each taxel as a colour map over two varied coordinates; all taxels have the same scale.
 
+    Of more than `MOST_PANELS` taxels, those are shown whose power changes most over the coordinates.
+
     The coordinates are those of :func:`plane_of`, or else of :func:`plane_of_steps`, whose positions are drawn as dots.
     Other varied parameters have their last values, which the title states. Of several steps at one position, the last
     is shown.
@@ -116,7 +118,8 @@ def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
     factor, unit = prefixed(float(np.nanmax(power, initial=0.0)), "W")
     axes = _panels(shown, plane, min(len(power), MOST_PANELS), narrow)
     limits = {"vmin": np.nanmin(power) / factor, "vmax": np.nanmax(power) / factor}
-    for ax, taxel, values in zip(axes, study.taxel.values.tolist(), power, strict=False):
+    chosen = _most_changed(power, len(axes))
+    for ax, taxel, values in zip(axes, study.taxel.values[chosen].tolist(), power[chosen], strict=True):
         x, y = (shown[name].values for name in plane)
         if listed:
             picture = ax.scatter(x, y, c=values / factor, s=40, **limits)
@@ -126,10 +129,16 @@ def plot_map(study: xr.Dataset, narrow: bool = False) -> Figure:
     figure = axes[0].figure
     figure.colorbar(picture, ax=axes, label=f"optical power [{unit}]")
     count = len(axes)
-    left_out = "" if len(power) <= count else f"{len(power) - count} taxels are not shown"
+    left_out = "" if len(power) <= count else f"{len(power) - count} taxels, which change less, are not shown"
     if titles := list(filter(None, (_where(shown, fixed), left_out))):
         figure.suptitle("; ".join(titles), fontsize="medium")
     return figure
+
+
+def _most_changed(power: np.ndarray, count: int) -> np.ndarray:
+    """Indices, ascending, of the ``count`` taxels whose power (T, ...) has the largest range."""
+    change = np.ma.ptp(np.ma.masked_invalid(power.reshape(len(power), -1)), axis=1).filled(0.0)
+    return np.sort(np.argsort(-change, kind="stable")[:count])
 
 
 def plot_resolution(resolutions: xr.Dataset, narrow: bool = False) -> Figure:

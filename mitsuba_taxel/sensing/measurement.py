@@ -53,7 +53,7 @@ from mitsuba_taxel.sensing.reading.runs import (
 from mitsuba_taxel.sensing.reading.stretch_notes import exceeded_limits
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, is_touched, loaded_pads
-from mitsuba_taxel.sensing.scene.taxels import taxels_of
+from mitsuba_taxel.sensing.scene.taxels import taxel_positions, taxels_of
 from mitsuba_taxel.sensing.targets import (
     NEGLIGIBLE,
     deviation_points,
@@ -255,10 +255,10 @@ def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanic
     try:
         pairs = taxels_of(ready.scene)
     except InputError:  # LEDs and phototransistors cannot be paired
-        responsivity = None
+        responsivity = positions = None
     else:
         in_order = [np.full(pair.count, pair.sensor.responsivity(pair.led.wavelength)) for pair in pairs]
-        responsivity = np.concatenate(in_order)
+        responsivity, positions = np.concatenate(in_order), taxel_positions(pairs)
     return Readings(
         powers,
         run.points,
@@ -267,6 +267,7 @@ def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanic
         parameters=ready.parameters,
         irradiance=run.image,
         responsivity=responsivity,
+        positions=positions,
         deviation=errors.mechanics.deviation,
         dark_error=dark_error,
         facets=facets,

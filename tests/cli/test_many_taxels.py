@@ -136,6 +136,27 @@ def test_slopes_and_volts_of_a_sweep_are_summarised_beyond_64_taxels(capsys, tmp
     assert len(lines) < 40
 
 
+def test_readings_of_a_sweep_are_summarised_with_a_map_of_their_changes(capsys, tmp_path):
+    """The worst error is that of any scene; scenes without a reading are left out, unknown errors are named."""
+    power = np.stack([np.full(100, 1e-3), 1e-3 * (1.1 + 0.1 * COLUMN), np.full(100, np.nan)])
+    error = power * np.array([0.02, 0.01, np.nan])[:, None]
+    error[1, 98] = 0.3 * power[1, 98]
+    made = {"power": (("fz", "taxel"), power), "total_error": (("fz", "taxel"), error)}
+    places = {"taxel_x": ("taxel", GRID[:, 0]), "taxel_y": ("taxel", GRID[:, 1])}
+    study = xr.Dataset({**made, **places}, {"fz": [0.0, -1.0, -2.0], "taxel": np.arange(1, 101)})
+    sweep.print_readings(study, tmp_path)
+    lines = [" ".join(line.split()) for line in shown_lines(capsys)]
+    assert "change of the power [W] 0.0001 (1) 0.00055 0.001 (10)" in lines
+    assert "worst total error [%] 2 (1) 2.28 30 (99)" in lines
+    first = next(number for number, line in enumerate(lines) if line.startswith("Map from 0 = 0.0001 W"))
+    assert lines[first + 1 :] == ["0 1 2 3 4 5 6 7 8 9"] * 10
+    study.total_error[1, 7] = np.nan
+    sweep.print_readings(study.drop_vars("taxel_x"), tmp_path)
+    lines = shown_lines(capsys)
+    assert any(line.startswith("worst total error [%], 1 unknown") for line in lines)
+    assert not any(line.startswith("Map") for line in lines)
+
+
 def test_the_program_prints_summaries_with_a_map_of_the_board(taxel, tmp_path):
     """A plate above a part of 5 x 13 taxels: dark ones are 0 in the map, where JSON lists them row by row."""
     array = "".join(f'<integer name="{name}" value="{count}"/>' for name, count in (("rows", 5), ("columns", 13)))

@@ -178,7 +178,7 @@ def _print_tables(readings, scene, volts, matrix, book, lines) -> None:
 
     width, many = tables.terminal_width(), len(readings.taxel) > many_taxels.MOST_ROWS
     if many:
-        print_summary(readings, many_taxels.taxel_positions(scene))
+        print_summary(readings, readings.positions)
     else:
         tables.say(readings_text(readings, width))
     if volts is not None:

@@ -160,16 +160,45 @@ def _show(name: str, study, folder: Path) -> None:
     from mitsuba_taxel.sensing.reading.wording import budget_line, light_of_study, stage_line
     from mitsuba_taxel.studies import stage_totals, study_error_budget
 
+    from ..many_taxels import MOST_ROWS
     from ..tables import say
 
     if name:
         say(f"\n{name}:")
     print_slopes(study, folder)
+    if study.sizes["taxel"] > MOST_ROWS:
+        print_readings(study, folder)
     say(f"{int(study.power.notnull().sum())} readings, each {light_of_study(study)}.")
     for note in study.attrs["notes"].splitlines():
         say(note)
     say(budget_line(study_error_budget(study)))
     say(stage_line(stage_totals(study)))
+
+
+def print_readings(study, folder: Path) -> None:
+    """Print the readings of a study of many taxels: least, mean and most over the taxels, and a map of their changes.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Results of one scene.
+    folder : Path
+        Folder of its tables.
+    """
+    import numpy as np
+
+    from ..many_taxels import HEADINGS, full_table, map_lines, study_quantities, summary_rows
+    from ..tables import print_table, say
+
+    quantities = study_quantities(study)
+    say("Readings, over all scenes")
+    print_table(HEADINGS, summary_rows(study.taxel.values.tolist(), quantities))
+    say(full_table(study.sizes["taxel"], f"readings.csv in {folder}"))
+    if "taxel_x" in study and study.taxel_x.dims == ("taxel",):
+        say("Change of the power:")
+        positions = np.stack([study.taxel_x.values, study.taxel_y.values], axis=1)
+        for line in map_lines(quantities["change of the power [W]"], positions, "W"):
+            print(line)
 
 
 def print_slopes(study, folder: Path) -> None:

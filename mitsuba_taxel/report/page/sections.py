@@ -24,6 +24,7 @@ from mitsuba_taxel.plots.characteristics import (
 )
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.maps import plane_of, plane_of_steps, plot_map
+from mitsuba_taxel.plots.pad_maps import has_pad_map, plot_pad_map
 from mitsuba_taxel.report.page.markup import bullets, folded, paragraph, plot, section, table
 from mitsuba_taxel.sensing.reading.wording import budget_rows, light_of_study
 from mitsuba_taxel.studies import stage_totals, study_error_budget
@@ -90,6 +91,9 @@ def power(study: xr.Dataset, key: str) -> str:
     if plane:
         words = f"Optical power of each taxel as a colour over {plane[0]} and {plane[1]}; all taxels have one scale."
         plots.append(plot(partial(plot_map, study), words, f"Readings over {plane[0]} and {plane[1]}."))
+    if has_pad_map(study):
+        words = "Optical power of each taxel as the colour of a square at its position; all panels have one scale."
+        plots.append(plot(partial(plot_pad_map, study), words, "Readings over the sensor; a cross is the contact."))
     return section(f"power{key}", "Power", *plots, folded("Readings", _readings(study)))
 
 

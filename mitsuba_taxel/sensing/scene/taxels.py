@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mitsuba as mi
+import numpy as np
 
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
@@ -41,6 +44,25 @@ def taxels_of(scene: mi.Scene) -> list[TaxelPair]:
             f"the scene holds {counts[0]} LEDs and {counts[1]} phototransistors: one of each for every taxel is needed."
         )
     return [TaxelPair(led, sensor) for led, sensor in zip(leds, sensors, strict=True)]
+
+
+def taxel_positions(pairs: Sequence[TaxelPair]) -> np.ndarray:
+    """Centres of the phototransistors of a scene, along x and y of the first of their boards.
+
+    Parameters
+    ----------
+    pairs : sequence of TaxelPair
+        Arrays of LEDs and phototransistors, from :func:`taxels_of`.
+
+    Returns
+    -------
+    (T, 2) ndarray
+        Coordinates in mm, in the order of the taxels.
+    """
+    faces = [pair.sensor.faces for pair in pairs]
+    centres = np.concatenate([np.array(grid.centres).T for grid in faces])
+    axes = np.stack([np.array(axis).ravel() for axis in (faces[0].frame.s, faces[0].frame.t)], axis=1)
+    return centres @ axes
 
 
 def refuse_foreign_sensors(scene: mi.Scene) -> None:

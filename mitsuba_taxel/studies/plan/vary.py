@@ -24,8 +24,8 @@ MOST_JOBS = 100_000
 STEP = "step"
 """Dimension of values taken together, row by row."""
 TAKEN = frozenset(
-    "step taxel replicate stage parameter derivative_unit replicate_power seconds responsivity mesh map "
-    "voltage voltage_error counts noise saturated".split()
+    "step taxel replicate stage parameter derivative_unit replicate_power seconds responsivity taxel_x taxel_y mesh "
+    "map voltage voltage_error counts noise saturated".split()
 ).union(result.name for result in RESULTS)
 """Names of dimensions and variables of the results, which no varied parameter may have."""
 

@@ -113,6 +113,7 @@ def assemble(
             **variables,
             "replicate_power": ([*dims, "replicate", "taxel"], replicates, {"units": "W"}),
             **_responsivity(first),
+            **_positions(dims, shape, results),
             "seconds": ([*dims, "stage"], seconds, {"units": "s"}),
             **_files("mesh", MESHES, "file of the deformed pad, lengths in mm", dims, shape, results),
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
@@ -202,6 +203,22 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
         return {}
     about = {"units": "A/W", "long_name": "photocurrent per optical power"}
     return {"responsivity": ("taxel", readings.responsivity, about)}
+
+
+def _positions(dims: Sequence[str], shape: Index, results: Mapping[Index, StoredResult]) -> dict[str, tuple]:
+    """Positions of the taxels along x and y, over the dimensions of the study only if they change; empty if unknown."""
+    known = {index: result.readings.positions for index, result in results.items()}
+    first = next(iter(known.values()))
+    if first is None or any(positions is None for positions in known.values()):
+        return {}
+    along: list[str] = []
+    positions = first
+    if not all(np.array_equal(other, first) for other in known.values()):
+        along, positions = [*dims], np.full((*shape, *first.shape), math.nan)
+        for index, other in known.items():
+            positions[index] = other
+    about = {"units": "mm", "long_name": "centre of the phototransistor"}
+    return {f"taxel_{axis}": ([*along, "taxel"], positions[..., number], about) for number, axis in enumerate("xy")}
 
 
 def _abscissa(axis: Axis) -> np.ndarray:

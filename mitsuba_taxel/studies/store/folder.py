@@ -335,6 +335,8 @@ def _arrays(kept: StoredResult) -> dict[str, np.ndarray]:
     optional = {name: getattr(readings, name) for name in _OPTIONAL}
     arrays = {"replicates": readings.replicates, **_of_derivatives(readings.derivatives)}
     arrays |= {name: array for name, array in optional.items() if array is not None}
+    if readings.positions is not None:
+        arrays["positions"] = readings.positions
     arrays |= _of_contact(readings.contact)
     return {**arrays, "words": np.array(json.dumps(words))}
 
@@ -382,12 +384,15 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> StoredResult:
     _require(replicates.ndim == 2 and replicates.dtype == float and len(replicates) == REPLICATES)
     for name in set(_OPTIONAL) & arrays.keys():
         _require(arrays[name].shape == replicates.shape[1:] and arrays[name].dtype == float)
+    positions = arrays.get("positions")
+    _require(positions is None or (positions.shape == (replicates.shape[1], 2) and positions.dtype == float))
     _require(all(isinstance(word, str) for word in (*words["remarks"], *files)) and _is_seconds(seconds))
     _require(all(isinstance(stretch, float) for stretch in words.get("exceeded_limits", {}).values()))
     readings = Readings(
         replicates,
         seconds=seconds,
         responsivity=arrays.get("responsivity"),
+        positions=positions,
         deviation=arrays.get("deviation"),
         dark_error=arrays.get("dark_error"),
         facets=arrays.get("facets"),

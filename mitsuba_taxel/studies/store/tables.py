@@ -16,6 +16,7 @@ from mitsuba_taxel.electronics.volts import VOLTS, circuit_of_study, in_volts
 from mitsuba_taxel.plots.curves import has_taxels_to_compare, plot_curves, plot_taxels
 from mitsuba_taxel.plots.figures import save_figure
 from mitsuba_taxel.plots.maps import has_map, plane_of, plot_map, plot_resolution
+from mitsuba_taxel.plots.pad_maps import has_pad_map, plot_pad_map
 from mitsuba_taxel.sensing.reading.results import PARAMETER, RESULTS
 from mitsuba_taxel.studies.store.netcdf import write_netcdf
 
@@ -69,7 +70,8 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
     """Draw the readings, as ``power.png`` and ``power.svg``.
 
     With a circuit, ``voltage.png`` and ``voltage.svg`` are drawn too; if curves of several taxels are compared,
-    ``taxels.png`` and ``taxels.svg``; if a position in x and y is varied, ``map.png`` and ``map.svg``.
+    ``taxels.png`` and ``taxels.svg``; if a position in x and y is varied, ``map.png`` and ``map.svg``; of more than 64
+    taxels, ``pad.png`` and ``pad.svg``.
     """
     plots: dict[str, Callable] = {
         "power": plot_curves,
@@ -77,6 +79,8 @@ def draw_results(study: xr.Dataset, folder: Path) -> None:
     }
     if has_map(study):
         plots["map"] = plot_map
+    if has_pad_map(study):
+        plots["pad"] = plot_pad_map
     for name, plot in plots.items():
         save_figure(plot(study), folder, name)
     circuit = circuit_of_study(study)

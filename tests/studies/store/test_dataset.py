@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -58,3 +60,20 @@ def test_the_largest_stretch_of_all_scenes_is_noted_once():
     study = assemble((Axis("fz", {"fz": list("0123")}, is_force=True),), results, {}, ABOUT)
     notes = [note for note in study.attrs["notes"].splitlines() if "stretched" in note]
     assert notes == [f"the silicone is stretched to 1.80 in its most strained 1%, {limit}"]
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_positions_of_taxels_survive_their_file_and_have_dimensions_where_they_change(moved):
+    pitch = np.array([2.0, 3.0 if moved else 2.0])
+    results = {}
+    for place, distance in enumerate(pitch):
+        positions = distance * np.array([[-1.0, 1.0], [0.0, 1.0], [1.0, 1.0]])
+        read = Readings(np.ones((REPLICATES, 3)), 0, 0, positions=positions)
+        results[place,] = folder._kept(folder._arrays(StoredResult(read, {}, [])))
+    study = assemble((Axis("pitch", {"pitch": list("23")}),), results, {}, ABOUT)
+    assert study.taxel_x.dims == (("pitch", "taxel") if moved else ("taxel",)) and study.taxel_y.attrs["units"] == "mm"
+    x = study.taxel_x.values if moved else np.tile(study.taxel_x.values, (2, 1))
+    np.testing.assert_array_equal(x, pitch[:, None] * (-1, 0, 1))
+    np.testing.assert_array_equal(study.taxel_y.values[..., 0], pitch if moved else pitch[0])
+    unknown = {**results, (1,): results[0,]._replace(readings=replace(results[0,].readings, positions=None))}
+    assert "taxel_x" not in assemble((Axis("pitch", {"pitch": list("23")}),), unknown, {}, ABOUT)
