@@ -94,7 +94,7 @@ def _unusual_load(obj: SceneObject) -> Iterator[Finding]:
     if not np.any(pad.load[1]):
         return
     load, value = pad.load[0], np.array(pad.load[1])
-    quantity = f"{load.quantity} = {', '.join(f'{component:g}' for component in value)} {load.unit} of {PAD}"
+    quantity = f"{load.quantity} = {', '.join(f'{component:g}' for component in value[:3])} {load.unit} of {PAD}"
     for reason in (_pull(load.quantity, value), _size(load.quantity, value, pad), _miss(load, value, pad)):
         if reason:
             yield obj.finding("warning", f"{quantity} {reason}.", load.quantity)

@@ -287,7 +287,7 @@ def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.n
         rows = np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         rows = np.empty(0)
-    wanted = "three finite numbers are" if load.components == 3 else "one finite number is"
+    wanted = {1: "one finite number is", 3: "three finite numbers are"}.get(load.components, "six finite numbers are")
     if rows.ndim != 2 or rows.shape[1] != load.components:
         shown = shorten(repr(values), 100, placeholder=" ...]")
         raise InputError(f"{load.quantity} values = {shown} are not allowed: rows of {wanted} needed.")

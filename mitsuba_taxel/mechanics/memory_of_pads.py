@@ -108,8 +108,10 @@ def symmetric_parts(pad: Pad, load: Load, value: Sequence[float] | np.ndarray) -
         the load is off the centre along an axis or diagonal, or leans along one; else 1.
     """
     is_square = pad.rows == pad.columns
-    sideways = [(value[0], value[1])] if len(value) == 3 else []
+    sideways = [(value[0], value[1])] if len(value) > 1 else []
     position = getattr(load.indenter or load, "at", None)
+    if load.tilts and any(value[3:]):
+        return 1 if value[5] else 2
     for x, y in [*sideways, *([] if position is None else [position])]:
         if x and y and not (is_square and abs(x) == abs(y)):
             return 1

@@ -97,6 +97,7 @@ def _of_pad(pad: PadShape) -> Iterator[str]:
 def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]]]:
     """For each segment of the load path to a state: its end, the load as an array of K components, and the mirror
     symmetries of pad and load on this segment."""
+    from mitsuba_taxel.mechanics.elements.loads import mirrored_value, normal_part
     from mitsuba_taxel.mechanics.equilibrium.pad_parts import mirror_images
 
     if not state.value.any():
@@ -104,10 +105,11 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
     bodies, images = state.bodies, mirror_images(state.mesh, state.load)
     mirrors = [mirror for mirror in images if bodies is None or bodies.kept_by(mirror)]
     segments = [(state.value, mirrors)]
-    if len(state.value) == 3:
-        normal, tangential = state.value * [0, 0, 1] + 0.0, state.value * [1, 1, 0] + 0.0
-        direction = np.round(tangential / (np.hypot(*tangential[:2]) or 1.0), 12)  # as in `load_path`
-        keeping = [mirror for mirror in mirrors if np.array_equal(mirror.image(direction), direction)]
+    if len(state.value) > 1:
+        normal = normal_part(state.value)
+        tangential = state.value - normal
+        direction = np.round(tangential / (np.linalg.norm(tangential) or 1.0), 12)  # as in `load_path`
+        keeping = [mirror for mirror in mirrors if np.array_equal(mirrored_value(mirror, direction), direction)]
         segments = [(normal, mirrors)] * bool(normal.any()) + [(state.value, keeping)] * bool(tangential.any())
     yield from ((end, kept) for end, kept in segments if kept)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -172,6 +173,12 @@ class DeformablePad(Specification, Kinded):
         "mm",
         "Displacement of the plate, or of the indenter from the height at which its tip is level with the top of the "
         "pad.",
+        when=_LOAD,
+    )
+    moment: tuple[float, ...] | None = vector(
+        (0.0, 0.0, 0.0),
+        "N mm",
+        "Moment on the plate, in addition to the force.",
         when=_LOAD,
     )
     pressure: float | None = number(0.0, "MPa", "Pressure of the fluid.", when=_LOAD)
@@ -359,9 +366,9 @@ class DeformablePad(Specification, Kinded):
 
     @property
     def load_value(self) -> tuple[float, ...]:
-        """Components of the load: force in N, displacement in mm, or pressure in MPa."""
-        value = getattr(self, Load.named(self.load).quantity)
-        return value if isinstance(value, tuple) else (value,)
+        """Components of the load: force in N, displacement in mm, pressure in MPa, or force and moment in N mm."""
+        values = [getattr(self, name) for name in Load.named(self.load).quantities()]
+        return tuple(chain.from_iterable(value if isinstance(value, tuple) else (value,) for value in values))
 
     def build_history(self) -> tuple[list[float], list[tuple[float, ...]]]:
         """Times in s and values of the load, the current value last; raises `InputError`."""
@@ -373,7 +380,7 @@ class DeformablePad(Specification, Kinded):
         for row in filter(None, (words.split() for words in self.history.split(";"))):
             numbers = as_numbers(row)
             if numbers is None or len(numbers) != 1 + len(value):
-                needed = "'time x y z'" if len(value) == 3 else "'time pressure'"
+                needed = f"'time {'pressure' if len(value) == 1 else 'fx fy fz mx my mz'[: -8 * (len(value) == 3)]}'"
                 raise InputError(f"history row {' '.join(row)!r} is not allowed: finite numbers {needed} are needed.")
             # A first row of rest has no effect.
             if rows or any(numbers):
@@ -469,7 +476,8 @@ class DeformablePad(Specification, Kinded):
                 f"load = {load!r} is not allowed in a scene: it needs a name, as in "
                 f'class {name}(DeadForce, name="{name.lower()}").'
             )
-        values: dict[str, Any] = {load.quantity: value if load.components == 3 else value[0], **settings}
+        parts = value[:1] if load.components == 1 else (value[3 * k : 3 * k + 3] for k in range(load.components // 3))
+        values: dict[str, Any] = {**dict(zip(load.quantities(), parts, strict=True)), **settings}
         values.update(self_contact=load.self_contact, load=load.name, **load.scene_values())
         values.update(_finish_values(finish))
         values.update(material=material.name)

@@ -106,8 +106,9 @@ def end_of_path(
 
 
 def _shown(load: Load, value: np.ndarray) -> str:
-    shown = f"({_listed(value)})" if len(value) == 3 else _listed(value)
-    return f"{load.quantity} = {shown} {load.unit}"
+    shown = f"({_listed(value[:3])})" if len(value) > 1 else _listed(value)
+    moment = f" and moment = ({_listed(value[3:])}) N mm" if load.tilts else ""
+    return f"{load.quantity} = {shown} {load.unit}{moment}"
 
 
 def _listed(numbers: np.ndarray) -> str:

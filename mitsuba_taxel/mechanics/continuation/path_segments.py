@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -13,6 +14,7 @@ from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.load_segment import Followed, LoadSegment
 from mitsuba_taxel.mechanics.continuation.onset_of_buckling import find_onset, is_kept
 from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
+from mitsuba_taxel.mechanics.elements.loads import mirrored_value, normal_part
 from mitsuba_taxel.mechanics.elements.solvers import available_solvers
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE, LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
@@ -40,16 +42,22 @@ class PathSegments:
 
     def to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
         """The segments of the load path to ``value``, each with the distance up to which the path follows it."""
-        if len(value) == 1:
-            return [(self.towards(np.zeros(1), np.sign(value)), abs(value[0]))]
-        normal, tangential = value[2], float(np.hypot(value[0], value[1]))
-        segments = []
-        if normal:
-            segments.append((self.towards(np.zeros(3), np.array([0.0, 0.0, np.sign(normal)])), abs(normal)))
-        if tangential:
-            direction = np.round(np.array([value[0], value[1], 0.0]) / tangential, 12)
-            segments.append((self.towards(np.array([0.0, 0.0, normal]), direction), tangential))
+        normal = normal_part(value)
+        others = value - normal
+        distance, segments = self._size(others), []
+        if normal.any():
+            segments.append((self.towards(np.zeros_like(value), np.sign(normal)), float(np.abs(normal).max())))
+        if distance:
+            direction = np.round(others / distance, 12)
+            segments.append((self.towards(normal, direction), distance))
         return segments
+
+    def _size(self, change: np.ndarray) -> float:
+        """Length of a tangential segment: its force and, in N too, its moment divided by a length of the load."""
+        tangential = float(np.hypot(*change[:2])) if len(change) > 1 else 0.0
+        if len(change) <= 3:
+            return tangential
+        return math.hypot(tangential, *(change[3:] / self._path.load.length(self._path.mesh)))
 
     def towards(self, origin: np.ndarray, direction: np.ndarray) -> LoadSegment:
         """The segment that begins at a value of the load and follows a direction.
@@ -92,7 +100,7 @@ class PathSegments:
             Pad between the mirrors that leave the loads of the segment unchanged.
         """
         path, kept = np.stack([origin, direction]), self.mirrors_at(origin + direction)
-        mirrors = tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(m.image(path), path))
+        mirrors = tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(mirrored_value(m, path), path))
         segment, rest = self.known.get((*origin, *direction)), np.zeros_like(origin)
         if origin.any() and not (segment and segment.nodes):  # at least as soft as under the normal load before
             segment = self.known.get((*rest, *np.sign(origin)))
@@ -239,29 +247,31 @@ class PathSegments:
             if segment.mode.size and s > segment.limit:
                 critical = segment.value(segment.limit)
                 for mirror in reversed(mirrors):
-                    critical = mirror.image(critical)
+                    critical = mirrored_value(mirror, critical)
                 return critical
         return None
 
     @property
     def may_buckle(self) -> bool:
         """Whether paths are followed along branches after buckling."""
-        return self._path.judged and self._path.load.indenter is None
+        load = self._path.load
+        return self._path.judged and load.indenter is None and not load.tilts
 
     def follow_normal(self, value: np.ndarray) -> None:
-        """Solve the segment along z up to the z component of a load; its buckling determines the symmetries of the
+        """Solve the segment along z up to the normal part of a load; its buckling determines the symmetries of the
         state."""
-        if self.may_buckle and len(value) == 3 and value[2] and value[:2].any():
-            ((segment, s),) = self.to(np.array([0.0, 0.0, value[2]]))
+        normal = normal_part(value)
+        if self.may_buckle and normal.any() and (value - normal).any():
+            ((segment, s),) = self.to(normal)
             if not segment.reaches(s):
                 rest = np.zeros_like(self._path.mesh.points), np.zeros(self._path.mesh.corner_count)
                 self.extend(segment, self.pad_for(segment.origin, segment.direction), s, lambda: rest, nothing)
 
     def mirrors_at(self, value: np.ndarray) -> list[Mirror]:
-        """The mirrors under which the pad is symmetric when only the z component of a load acts."""
-        if not self.may_buckle or len(value) == 1 or not value[:2].any():
+        """The mirrors under which the pad is symmetric when only the normal part of a load acts."""
+        normal = normal_part(value)
+        if not self.may_buckle or not (value - normal).any():
             return list(self._path.images)
-        normal = np.array([0.0, 0.0, value[2]])
         if self.buckled_at(normal) is None:
             return list(self._path.images)
         ((segment, _),) = self.to(normal)

@@ -21,7 +21,7 @@ from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
 from mitsuba_taxel.mechanics.continuation.path_segments import PathSegments, nothing
 from mitsuba_taxel.mechanics.continuation.solved_states import SolvedStates
 from mitsuba_taxel.mechanics.continuation.state import PathRate
-from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.elements.loads import Load, mirrored_value
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 from mitsuba_taxel.mechanics.local_mesh import Refinement
@@ -111,8 +111,8 @@ class PathStates(PathProblem):
         used: list[Mirror] = []
         self.segments.follow_normal(value)
         for mirror in self.segments.mirrors_at(value):
-            if len(value) == 3 and mirror.side(value) < 0:
-                value = mirror.image(value)
+            if len(value) > 1 and mirror.side(value) < 0:
+                value = mirrored_value(mirror, value)
                 used.append(mirror)
         return value, used
 
@@ -164,9 +164,12 @@ class PathStates(PathProblem):
                 rate = self.solved.at(curve, distance, pad).tangent
             else:
                 rate = curve.rate(distance)
-            displacement = pad.split(rate)[0]
+            at = self.solved.state(curve, distance, pad).unknowns if self.load.tilts else None
+            length = float(np.linalg.norm(direction)) if self.load.tilts else 1.0  # forces and moments
+            direction, displacement = direction / length, pad.split_rate(rate / length, at)[0]
         for mirror in reversed(mirrors):
-            direction, displacement = mirror.image(direction), mirror.image(displacement[self.images[mirror]])
+            direction = mirrored_value(mirror, direction)
+            displacement = mirror.image(displacement[self.images[mirror]])
         return PathRate(direction, displacement)
 
     def rate_by_depth(self, value: np.ndarray) -> tuple[np.ndarray, float]:
@@ -284,7 +287,7 @@ class PathStates(PathProblem):
         segment."""
         buckled_at = self.segments.buckled_at(value, mirrors)
         for mirror in reversed(mirrors):
-            value, place = mirror.image(value), mirror.image(place)
+            value, place = mirrored_value(mirror, value), mirror.image(place)
             folded_at = folded_at and tuple(mirror.image(np.array(folded_at)).tolist())
         return end_of_path(self.mesh, self.load, value, reason, place, buckled_at, folded_at)
 

@@ -137,8 +137,8 @@ class SolvedStates:
         Interpolated or None
             None if the segment must be followed.
         """
-        small = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step
-        if self._state_under is None or not small or self._path.load.self_contact or self._path.load.gives_displacement:
+        small, load = segment.direction[:-1].any() and s <= FURTHEST_BESIDE * segment.step, self._path.load
+        if self._state_under is None or not small or load.self_contact or load.gives_displacement or load.tilts:
             return None
         solved = self._beside.setdefault(segment, {})
         if s not in solved:

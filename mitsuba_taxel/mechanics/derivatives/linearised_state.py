@@ -155,7 +155,7 @@ class LinearisedState:
         Raises
         ------
         InputError
-            if its shape differs, or it is not finite.
+            if its shape differs, it is not finite, or the load is a plate that tilts.
         """
         return self._response(self._push_of_shape(array_of("velocity", velocity, self.displacement.shape)))
 
@@ -227,7 +227,7 @@ class LinearisedState:
             total = 0.0
             for block, forces in push.items():
                 if block not in adjoints:
-                    adjoints[block] = self._solved(block, block.forces(gradient))
+                    adjoints[block] = self._solved(block, block.forces(gradient, self._on(block)[0]))
                 total += block.model.part.copies * float(adjoints[block] @ forces)
             return total
 
@@ -243,7 +243,8 @@ class LinearisedState:
         plate with a prescribed displacement moves by ``gaps`` per unit, or is fixed."""
         total = np.zeros_like(self.displacement)
         for block, forces in push.items():
-            total += block.displacement(self._solved(block, forces, gaps[block] if gaps else None))
+            rate = self._solved(block, forces, gaps[block] if gaps else None)
+            total += block.displacement(rate, self._on(block)[0])
         return total
 
     def _solved(self, block: TangentBlock, forces: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
@@ -284,13 +285,18 @@ class LinearisedState:
 
         def residual_of(material: Material) -> np.ndarray:
             load_forces = block.model.penalty_forces(material, self._on(block)[0], self._value)
-            internal_forces = assembly.over_unknowns(*strained.of(material))
+            internal_forces = assembly.over_unknowns(*strained.of(material), self._on(block)[0])
             return internal_forces - load_forces - material.youngs_modulus * barrier_forces
 
         return {block: -material_rate(residual_of, self._pad.material, name)}
 
     def _push_of_shape(self, velocity: np.ndarray) -> Push:
         pad, push = self._pad, {}
+        if pad.load.tilts:
+            raise InputError(
+                f"derivatives with respect to shapes are not available with load = {pad.load.name!r}: vary the "
+                "parameter in a sweep, or use a load without moments."
+            )
         loads = load_rate(pad.whole, pad.material, pad.load, self.displacement, self._value, velocity)
         if pad.contacts:
             loads = loads + pad.contacts.shape_rate(self.displacement, velocity)

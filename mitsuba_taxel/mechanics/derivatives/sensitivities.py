@@ -12,6 +12,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.derivatives.linearised_state import LinearisedState, PressedState, rejections_named
+from mitsuba_taxel.mechanics.elements.loads import mirrored_value
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad, mirror_images
 from mitsuba_taxel.mechanics.equilibrium.tangent_blocks import TangentBlock, tangent_blocks
@@ -73,7 +74,7 @@ def mirrors_of_state(state: State) -> tuple[Mirror, ...]:
 
     def keeps_state(mirror: Mirror) -> bool:
         value, u = state.value, state.displacement
-        same = len(value) == 1 or np.array_equal(mirror.image(value), value)
+        same = np.array_equal(mirrored_value(mirror, value), value)
         return same and float(np.abs(mirror.image(u[images[mirror]]) - u).max()) <= SYMMETRIC * largest
 
     return tuple(mirror for mirror in images if keeps_state(mirror))

@@ -109,28 +109,41 @@ class Assembly:
         state = self.elements.evaluate(displacement, pressure, with_tangent, stress_update)
         if not state.min_jacobian > 0:
             return InternalForces(np.full(self.unknowns, np.nan), None, state.min_jacobian)
-        entries = None
+        nodal, entries, rotation = self._nodal(state.forces, state.volumes), None, self.numbering.rotation
         if state.matrices is not None:
             entries = self.sparsity.summed(state.matrices.blocks, state.matrices.mixed, state.matrices.pressures)
-        return InternalForces(self.over_unknowns(state.forces, state.volumes), entries, state.min_jacobian)
+            if rotation is not None:
+                on_plate = nodal[: 3 * self._nodes].reshape(-1, 3)[rotation.nodes]
+                entries = np.concatenate([entries, rotation.entries(displacement, on_plate)])
+        return InternalForces(self.numbering.over_unknowns(nodal, displacement), entries, state.min_jacobian)
 
     def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
         """Lower triangle of the tangent over the unknowns, from its entries at a state."""
         return self._pattern.matrix(entries)
 
-    def over_unknowns(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
-        """Sum (unknowns,), for each unknown, of the forces (m, 10, 3) and volumes (m, 4) of m elements."""
+    def over_unknowns(
+        self, forces: np.ndarray, volumes: np.ndarray, displacement: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Sum (unknowns,) of element forces (m, 10, 3) and volumes (m, 4) on each unknown; see
+        :meth:`Numbering.over_unknowns`."""
+        return self.numbering.over_unknowns(self._nodal(forces, volumes), displacement)
+
+    def _nodal(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        """Sum (3 N + corners,) of element forces and volumes at each node and corner."""
         degrees = 3 * self.elements.nodes[:, :, None] + np.arange(3)
         displacements = np.bincount(degrees.ravel(), forces.ravel(), 3 * self._nodes)
         corners = len(self.numbering.unknown) - 3 * self._nodes
         pressures = np.bincount(self.elements.corners.ravel(), volumes.ravel(), corners)
-        return self.numbering.over_unknowns(np.concatenate([displacements, pressures]))
+        return np.concatenate([displacements, pressures])
 
     @cached_property
     def _pattern(self) -> _Pattern:
-        number = self.numbering
-        determined_by = self.elements.nodes, self.elements.corners, number.unknown, number.sign
-        return self._kept(_PATTERNS, determined_by, lambda: _Pattern(self.sparsity, number))
+        number, kind = self.numbering, _Pattern
+        determined_by = [self.elements.nodes, self.elements.corners, number.unknown, number.sign]
+        if number.rotation is not None:
+            determined_by += [number.rotation.nodes, number.rotation.unknowns, number.rotation.spread]
+            kind = _RotationPattern
+        return self._kept(_PATTERNS, tuple(determined_by), lambda: kind(self.sparsity, number))
 
     def _kept(self, recent: Recent[_Made], arrays: tuple[np.ndarray, ...], make: Callable[[], _Made]) -> _Made:
         return recent.of(arrays, make) if len(self.elements.nodes) <= MOST_KEPT else make()
@@ -162,3 +175,55 @@ class _Pattern:
             kept *= self._factor
         data = np.bincount(self._target, kept, len(self._indices))
         return sparse.csc_matrix((data, self._indices, self._indptr), shape=(self._size, self._size))
+
+
+class _RotationPattern(_Pattern):
+    """The same with the unknowns of a plate's rotation, whose entries follow those of the elements."""
+
+    def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
+        super().__init__(sparsity, numbering)
+        assert numbering.rotation is not None
+        self._rotation, self._numbering, self._count = numbering.rotation, numbering, len(sparsity.rows)
+        nodes, turning, degrees = self._rotation.nodes, self._rotation.unknowns, len(numbering.unknown)
+        self._degrees = (3 * nodes[:, None] + np.arange(3)).ravel()
+        place = np.full(degrees, -1)
+        place[self._degrees] = np.arange(len(self._degrees))
+
+        # Rows of the full symmetric matrix at the plate: entries of the lower triangle, and their transposes.
+        row, column = place[sparsity.rows], place[sparsity.columns]
+        below = np.flatnonzero(sparsity.lower & (row >= 0))
+        above = np.flatnonzero(sparsity.lower & (column >= 0) & (sparsity.rows != sparsity.columns))
+        self._at_plate = np.concatenate([below, above])
+        self._places = np.concatenate([row[below], column[above]])
+        self._others = np.concatenate([sparsity.columns[below], sparsity.rows[above]])
+
+        # The pattern: that of the elements, the unknowns beside the plate, and the rotation itself.
+        unknown = numbering.unknown[self._others]
+        self._near = np.unique(unknown[unknown >= 0])
+        first, second = np.tril_indices(len(turning))
+        self._own = first, second
+        columns = np.repeat(np.arange(self._size), np.diff(self._indptr))
+        pairs = np.repeat(turning, len(self._near)), np.tile(self._near, len(turning))
+        rows = np.concatenate([self._indices, np.maximum(*pairs), turning[first]])
+        columns = np.concatenate([columns, np.minimum(*pairs), turning[second]])
+        self._order = np.lexsort([rows, columns])
+        self._all_indices = rows[self._order].astype(np.int32)
+        counts = np.bincount(columns, minlength=self._size)
+        self._all_indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+
+    def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
+        """The matrix with K J in the columns of the rotation and J^T K J + G in its block, where K is that of free
+        nodes, J the rates of nodes by the rotation, and G the stiffness of forces that turn."""
+        elements, rates, geometric = np.split(entries, [self._count, len(entries) - 9])
+        spread, number = self._rotation.spread, self._numbering
+        rates = rates.reshape(-1, 3) @ spread
+        shape = (len(self._degrees), len(number.unknown))
+        at_plate = sparse.csr_array((elements[self._at_plate], (self._places, self._others)), shape=shape)
+        coupled = np.asarray(at_plate.T @ rates)
+        own = rates.T @ coupled[self._degrees] + spread.T @ geometric.reshape(3, 3) @ spread
+        free = number.unknown >= 0
+        weighted = (number.sign[:, None] * coupled)[free]
+        beside = [np.bincount(number.unknown[free], column, self._size)[self._near] for column in weighted.T]
+        data = np.concatenate([super().matrix(elements).data, *beside, own[self._own]])
+        shape = (self._size, self._size)
+        return sparse.csc_matrix((data[self._order], self._all_indices, self._all_indptr), shape=shape)

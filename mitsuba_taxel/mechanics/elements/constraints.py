@@ -1,18 +1,20 @@
 """Numbering of the unknowns under constraints: fixed at the board, on planes of symmetry, tied to a rigid plate.
 
 A degree of freedom is fixed, or equals plus or minus one unknown; several may equal the same unknown. Assembly then
-needs no constraint equations, and matrices remain symmetric.
+needs no constraint equations, and matrices remain symmetric. A plate that may tilt adds the displacements of its
+:class:`~mitsuba_taxel.mechanics.elements.plate_rotation.PlateRotation`, which are not linear in its unknowns.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.plate_rotation import PlateRotation
 
 _NO_WALLS: Mapping[Mirror, int] = {}
 
@@ -35,6 +37,8 @@ class Numbering:
         Unknown of each component of the plate's displacement, -1 where it is 0; None without a plate.
     plate_sign : ndarray or None
         (3,) factor of these unknowns.
+    rotation : PlateRotation or None
+        Rotation of the plate; None if it does not rotate.
     """
 
     unknown: np.ndarray
@@ -44,9 +48,26 @@ class Numbering:
     pressures: int
     plate: np.ndarray | None = None
     plate_sign: np.ndarray | None = None
+    rotation: PlateRotation | None = None
 
     def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Displacement (N, 3) and pressure (corners,) of a vector of unknowns."""
+        displacement, pressure = self._split_linearly(unknowns)
+        if self.rotation is not None:
+            displacement[self.rotation.nodes] += self.rotation.displacement(self.rotation.turns_of(unknowns))
+        return displacement, pressure
+
+    def split_rate(self, rate: np.ndarray, displacement: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """Rates of displacement (N, 3) and pressure (corners,), from the ``rate`` of the unknowns.
+
+        They depend on the state only if the plate rotates: on its ``displacement`` (N, 3); None for the state at rest.
+        """
+        moving, pressing = self._split_linearly(rate)
+        if self.rotation is not None:
+            moving[self.rotation.nodes] += self.rotation.rates(displacement) @ self.rotation.turns_of(rate)
+        return moving, pressing
+
+    def _split_linearly(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values = np.where(self.unknown >= 0, self.sign * unknowns[self.unknown], 0.0)
         return values[: 3 * self.nodes].reshape(-1, 3), values[3 * self.nodes :]
 
@@ -54,20 +75,34 @@ class Numbering:
         """The unknowns of a state that satisfies the constraints; the inverse of :meth:`split`."""
         unknowns = np.zeros(self.displacements + self.pressures)
         free = self.unknown >= 0
+        if self.rotation is not None:
+            turns = self.rotation.turns_at(displacement)
+            displacement = displacement.copy()
+            displacement[self.rotation.nodes] -= self.rotation.displacement(turns)
         values = np.concatenate([displacement.ravel(), pressure])
         unknowns[self.unknown[free]] = (self.sign * values)[free]
+        if self.rotation is not None:
+            unknowns[self.rotation.unknowns] = self.rotation.over_unknowns @ turns
         return unknowns
 
-    def summed(self, forces: np.ndarray) -> np.ndarray:
-        """Sum (unknowns,), for each unknown, of the forces (N, 3) on the degrees of freedom that equal it."""
-        return self.over_unknowns(np.concatenate([forces.ravel(), np.zeros(len(self.unknown) - forces.size)]))
+    def summed(self, forces: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
+        """Sum (unknowns,) of nodal forces (N, 3) on each unknown; see :meth:`over_unknowns`."""
+        residual = np.concatenate([forces.ravel(), np.zeros(len(self.unknown) - forces.size)])
+        return self.over_unknowns(residual, displacement)
 
-    def over_unknowns(self, residual: np.ndarray) -> np.ndarray:
-        """Sum (unknowns,), for each unknown, of the forces and volumes (3 N + corners,) of the degrees of freedom that
-        equal it."""
+    def over_unknowns(self, residual: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
+        """Sum (unknowns,) of forces and volumes (3 N + corners,) on each unknown.
+
+        The moments of forces on a plate that rotates depend on its ``displacement`` (N, 3); None for the state at rest.
+        """
         free = self.unknown >= 0
         total = self.displacements + self.pressures
-        return np.bincount(self.unknown[free], (self.sign * residual)[free], total)
+        sums = np.bincount(self.unknown[free], (self.sign * residual)[free], total)
+        if self.rotation is not None:
+            forces = residual[: 3 * self.nodes].reshape(-1, 3)[self.rotation.nodes]
+            moments = np.einsum("pik,pi->k", self.rotation.rates(displacement), forces)
+            sums[self.rotation.unknowns] = self.rotation.spread.T @ moments
+        return sums
 
     @property
     def plate_unknowns(self) -> np.ndarray:
@@ -75,12 +110,16 @@ class Numbering:
         assert self.plate is not None
         return np.unique(self.plate[self.plate >= 0])
 
-    def on_plate(self, force: np.ndarray) -> np.ndarray:
-        """Component (unknowns,) of a force (3,) on the plate along each unknown."""
+    def on_plate(self, wrench: np.ndarray) -> np.ndarray:
+        """Component (unknowns,) along each unknown of a force (3,) on the plate or, if it rotates, of force and moment
+        (6,)."""
         assert self.plate is not None and self.plate_sign is not None
         moving = self.plate >= 0
-        weights = (self.plate_sign * force)[moving]
-        return np.bincount(self.plate[moving], weights=weights, minlength=self.displacements + self.pressures)
+        weights = (self.plate_sign * wrench[:3])[moving]
+        along = np.bincount(self.plate[moving], weights=weights, minlength=self.displacements + self.pressures)
+        if self.rotation is not None:
+            along[self.rotation.unknowns] = self.rotation.spread.T @ wrench[3:] / self.rotation.size
+        return along
 
     def of_plate(self, forces: np.ndarray) -> np.ndarray:
         """Force (3,) on the plate that is equivalent to ``forces`` on the unknowns; the inverse of :meth:`on_plate`."""
@@ -97,7 +136,11 @@ class Numbering:
 
 
 def number_unknowns(
-    mesh: VolumeMesh, fixed: np.ndarray, walls: Mapping[Mirror, int] = _NO_WALLS, plate: np.ndarray | None = None
+    mesh: VolumeMesh,
+    fixed: np.ndarray,
+    walls: Mapping[Mirror, int] = _NO_WALLS,
+    plate: np.ndarray | None = None,
+    pivot: np.ndarray | None = None,
 ) -> Numbering:
     """Number the unknowns of a mesh.
 
@@ -111,7 +154,9 @@ def number_unknowns(
         Planes of symmetry that bound the mesh, with 1 for symmetric states, -1 for antisymmetric ones, and 0 for any
         states without pressure there.
     plate : ndarray, optional
-        Nodes that move together, as on a rigid plate that does not rotate.
+        Nodes that move together, as on a rigid plate.
+    pivot : (3,) ndarray, optional
+        Point of the plate in mm, on all walls, if the plate rotates: its displacement is that of the plate.
 
     Returns
     -------
@@ -119,15 +164,20 @@ def number_unknowns(
         Numbers of displacements, then pressures.
     """
     nodes, corners = len(mesh.points), mesh.corner_count
-    body = _Dofs(np.append(fixed, False), corners)  # the plate is an additional node
+    body = _Dofs(np.append(fixed, [False, False]), corners)  # the plate is an additional node, its rotation another
     for mirror in MIRRORS:  # diagonal ones last: they tie components that the others may fix
         if mirror not in walls:
             continue
         on_plane = np.append(mirror.side(mesh.points) == 0, True)
         body.reflect(np.flatnonzero(on_plane), mirror, walls[mirror])
+        body.reflect(np.array([nodes + 1]), mirror, -walls[mirror])  # a rotation is an axial vector
     if plate is not None:
         body.root[plate], body.sign[plate], body.fixed[plate] = body.root[nodes], body.sign[nodes], body.fixed[nodes]
-    return body.numbering(with_plate=plate is not None)
+    numbering = body.numbering(0 if plate is None else 1 if pivot is None else 2)
+    if plate is None or pivot is None:
+        return numbering
+    size, arms = float(np.ptp(mesh.points[:, 2])), mesh.points[plate] - pivot
+    return replace(numbering, rotation=PlateRotation.of(plate, arms, size, *body.rotation(numbering)))
 
 
 class _Dofs:
@@ -161,21 +211,31 @@ class _Dofs:
         if sign < 0:
             self.fixed[nodes, 2] = True
 
-    def numbering(self, with_plate: bool) -> Numbering:
-        """Number the free degrees of freedom, then the pressures; the last node is the plate."""
+    def numbering(self, added: int) -> Numbering:
+        """Number the free degrees of freedom, then the pressures.
+
+        The last two nodes are the plate and its rotation, of which the first ``added`` are present.
+        """
+        present = slice(len(self.root) - 2 + added)
         used = np.zeros(self.root.size, dtype=bool)
-        followed = self.root[: None if with_plate else -1][~self.fixed[: None if with_plate else -1]]
-        used[followed] = True
+        used[self.root[present][~self.fixed[present]]] = True
         number = np.where(used, np.cumsum(used) - 1, -1)
         unknown = np.where(self.fixed, -1, number[self.root])
         displacements, pressures = int(used.sum()), int((~self.no_pressure).sum())
         pressure = np.where(self.no_pressure, -1, displacements + np.cumsum(~self.no_pressure) - 1)
         return Numbering(
-            np.concatenate([unknown[:-1].ravel(), pressure]),
-            np.concatenate([self.sign[:-1].ravel(), np.ones(len(pressure))]),
-            len(self.root) - 1,
+            np.concatenate([unknown[:-2].ravel(), pressure]),
+            np.concatenate([self.sign[:-2].ravel(), np.ones(len(pressure))]),
+            len(self.root) - 2,
             displacements,
             pressures,
-            unknown[-1] if with_plate else None,
-            self.sign[-1] if with_plate else None,
+            unknown[-2] if added else None,
+            self.sign[-2] if added else None,
         )
+
+    def rotation(self, numbering: Numbering) -> tuple[np.ndarray, np.ndarray]:
+        """Unknown of each component of the rotation, -1 where it is 0, and its factor."""
+        roots, fixed = self.root[-1] - 3 * (len(self.root) - 1), self.fixed[-1]
+        free = np.unique(roots[~fixed])
+        first = numbering.displacements - len(free)  # they are the last displacements
+        return np.where(fixed, -1, first + np.searchsorted(free, roots)), self.sign[-1]

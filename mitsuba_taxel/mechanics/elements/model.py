@@ -89,7 +89,7 @@ class Model:
             top = np.unique(self._faces("top"))
             fixed[top] |= fixed_plate
             plate = None if fixed_plate else top
-        self.numbering = number_unknowns(self.mesh, fixed, signs, plate)
+        self.numbering = number_unknowns(self.mesh, fixed, signs, plate, load.pivot(self.mesh) if load.tilts else None)
         self.assembly: Assembly = Assembly(
             self.mesh,
             material,

@@ -13,7 +13,7 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
 from mitsuba_taxel.mechanics.contact.barriers.self_contact import ContactTest
-from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
+from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load, normal_part
 from mitsuba_taxel.mechanics.elements.model import Configuration, Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, Solver, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
@@ -92,6 +92,19 @@ class MeshedPad:
         """Displacement (N, 3) and pressure (corners,) of the whole pad."""
         return self.part.expand(*self.numbering.split(unknowns))
 
+    def split_rate(self, rate: np.ndarray, unknowns: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Rates of displacement (N, 3) and pressure (corners,) of the whole pad.
+
+        Parameters
+        ----------
+        rate : (unknowns,) ndarray
+            Rate of the unknowns.
+        unknowns : (unknowns,) ndarray, optional
+            The state, on which the rates depend if a plate rotates; by default at rest.
+        """
+        displacement = None if unknowns is None else self.numbering.split(unknowns)[0]
+        return self.part.expand(*self.numbering.split_rate(rate, displacement))
+
     def gather(self, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """Unknowns of a state of the whole pad that has the symmetry of the load."""
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
@@ -116,7 +129,7 @@ class MeshedPad:
 
     def ticks(self, response: np.ndarray) -> int:
         """Number of ticks (smallest fractions of a step), from the first-order change of the unknowns in a step."""
-        return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split(response)[0]))
+        return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split_rate(response, None)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
         """Second Piola-Kirchhoff stress (m, q, 6) in MPa of the law in the part, at a displacement of the whole pad."""
@@ -286,8 +299,7 @@ class MeshedPad:
         """Least scale of the residual, for small loads: the norm of the load vector of a natural step, or of
         :data:`TICKS` ticks if these are smaller."""
         zero = np.zeros((len(self.part.mesh.points), 3))
-        value = np.zeros(self.load.components)
-        value[-1] = self.step
+        value = normal_part(np.full(self.load.components, self.step))
         if self._driven:
             return NATURAL_STRAIN * self.material.youngs_modulus * self.load.loaded_area(self.whole) / self.part.copies
         return TICKS / self._ticks * float(np.linalg.norm(self.model.load_vector(zero, value)))

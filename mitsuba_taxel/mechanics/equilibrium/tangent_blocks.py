@@ -21,6 +21,7 @@ from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X, ACROSS_Y, M
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.contact.barriers.contacts import Contacts
 from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
+from mitsuba_taxel.mechanics.elements.loads import mirrored_value
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.solvers import Factorisation, make_solver, sum_of_triangles
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart, part_between
@@ -66,12 +67,10 @@ class TangentBlock:
         return TangentBlock(self._whole, self.model, self._signs, self._images, mirror)
 
     def of_value(self, value: np.ndarray) -> np.ndarray:
-        """Component of this symmetry type of a load's value, which is a vector or a pressure."""
-        if len(value) == 1:
-            return value if all(sign > 0 for _, sign in self._signs) else 0 * value
-        value = self._turn.image(value) if self._turn else value
+        """Component of this symmetry type of a load's value: a vector, a pressure, or a force and a moment."""
+        value = mirrored_value(self._turn, value) if self._turn else value
         for mirror, sign in self._signs:
-            value = 0.5 * (value + sign * mirror.image(value))
+            value = 0.5 * (value + sign * mirrored_value(mirror, value))
         return value
 
     def of_field(self, field: np.ndarray) -> np.ndarray:
@@ -82,14 +81,16 @@ class TangentBlock:
             field = 0.5 * (field + sign * mirror.image(field[self._images[mirror]]))
         return field[self.model.part.nodes]
 
-    def forces(self, field: np.ndarray) -> np.ndarray:
-        """Component (unknowns,) of this symmetry type of nodal forces (N, 3) on the whole pad."""
-        return self.model.numbering.summed(self._shares[:, None] * self.of_field(field))
+    def forces(self, field: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
+        """Component (unknowns,) of this symmetry type of nodal forces (N, 3) on the whole pad, whose part has a
+        ``displacement`` (n, 3); None at rest. Only a plate that rotates needs it."""
+        return self.model.numbering.summed(self._shares[:, None] * self.of_field(field), displacement)
 
-    def displacement(self, unknowns: np.ndarray) -> np.ndarray:
-        """Displacement (N, 3) of the whole pad."""
+    def displacement(self, rate: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
+        """Rate (N, 3) of the displacement of the whole pad from that of the unknowns, at a ``displacement`` (n, 3) of
+        its part, as for :meth:`forces`."""
         symmetric_part = self.model.part
-        of_part = self.model.numbering.split(unknowns)
+        of_part = self.model.numbering.split_rate(rate, displacement)
         return self._image(self._sign * symmetric_part.expand(*of_part)[0])
 
     @property

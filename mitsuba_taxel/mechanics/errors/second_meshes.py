@@ -23,6 +23,7 @@ from mitsuba_taxel.mechanics.continuation.indenter_depth import DOWN, under_forc
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated
 from mitsuba_taxel.mechanics.continuation.state import NO_ERROR, State, StateComparison
+from mitsuba_taxel.mechanics.elements.loads import normal_part
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.equilibrium.indented_pad import IndentedPad
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import RESIDUAL_TOLERANCE
@@ -214,11 +215,11 @@ class SecondMeshes:
 def _small_responses(path: PadPath) -> list[np.ndarray]:
     """Derivatives of the displacement at rest with respect to a normal and to a tangential load, each (N, 3)."""
     responses, size = [], path.load.components
-    for direction in [np.eye(size)[-1], np.eye(size)[0]][: 1 if size == 1 else 2]:
+    for direction in [normal_part(np.ones(size)), np.eye(size)[0]][: 1 if size == 1 else 2]:
         zero = np.zeros_like(direction)
         pad = path.segments.pad_for(zero, direction)
         at_rest, linearised = pad.solve(np.zeros(pad.unknowns), zero)
-        responses.append(pad.split(pad.rate(linearised, at_rest.unknowns, direction, zero))[0])
+        responses.append(pad.split_rate(pad.rate(linearised, at_rest.unknowns, direction, zero))[0])
     return responses
 
 

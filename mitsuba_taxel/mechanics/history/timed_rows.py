@@ -131,6 +131,11 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
             load.check(value)
         first = [(0.0, 0.0, values[0][2])] if values[0][:2].any() else []
         return LoadHistory((0.0, tuple(map(float, value))) for value in [*first, *values])
+    if load.tilts:
+        raise InputError(
+            f"load = {load.name!r} is not allowed with a viscoelastic silicone: memory under a tilting plate is not "
+            "modelled; remove prony, or use a load without moments."
+        )
     if times is None:
         raise InputError("times are missing: a viscoelastic silicone needs the time of each value of its load.")
     for value in values:

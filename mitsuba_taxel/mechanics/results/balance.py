@@ -35,8 +35,8 @@ class Reactions:
     applied_force : (3,) ndarray
         Force of the load, in N; for a prescribed displacement, that of the plate or the indenter.
     applied_moment : (3,) ndarray
-        Moment, in N mm, of the load on the deformed pad, including the moment that prevents a bonded plate from
-        rotating.
+        Moment, in N mm, of the load on the deformed pad, including the moment on a bonded plate or the moment that
+        prevents it from rotating.
     size : float
         Largest distance from the origin in the undeformed pad, in mm.
     kept : float
@@ -84,6 +84,8 @@ class Reactions:
         moment = float(np.linalg.norm(self.moment + self.applied_moment)) / self.size
         remainder = max(force, moment)
         largest = max(self.kept, *(float(np.linalg.norm(f)) for f in (self.force, self.applied_force)))
+        if self.state.load.tilts:  # a moment without a force
+            largest = max(largest, float(np.linalg.norm(self.applied_moment)) / self.size)
         return remainder / largest if remainder else 0.0
 
 
@@ -148,5 +150,5 @@ def _applied_forces(state: State, positions: np.ndarray, internal: np.ndarray) -
     top = nodes_of(mesh, "top")
     forces[top] = internal[top]
     if not load.gives_displacement:
-        forces[top] += (state.value - internal[top].sum(axis=0)) / len(top)
+        forces[top] += (state.value[:3] - internal[top].sum(axis=0)) / len(top)
     return forces

@@ -77,9 +77,9 @@ def _on_one_path(value: np.ndarray, change: np.ndarray) -> bool:
     the tangential components."""
     if len(value) == 1:
         return True
-    tangential, tangential_change = value[:2], change[:2]
-    cross = abs(tangential[0] * tangential_change[1] - tangential[1] * tangential_change[0])
-    parallel = cross <= PARALLEL * np.linalg.norm(tangential) * np.linalg.norm(tangential_change)
+    tangential, tangential_change = np.delete(value, 2), np.delete(change, 2)
+    cross = np.outer(tangential, tangential_change) - np.outer(tangential_change, tangential)
+    parallel = np.abs(cross).max() <= PARALLEL * np.linalg.norm(tangential) * np.linalg.norm(tangential_change)
     return bool(parallel if not change[2] else not tangential.any() and not tangential_change.any())
 
 

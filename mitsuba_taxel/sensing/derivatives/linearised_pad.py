@@ -110,5 +110,5 @@ class LinearisedPad:
 def _side(load: np.ndarray) -> int:
     """Side of a change of the load: 1 if it presses on the pad, such as a pressure or a downward force or displacement;
     -1 if it pulls; else 0."""
-    presses = load[0] if len(load) == 1 else -load[-1]
+    presses = load[0] if len(load) == 1 else -load[2]
     return int(np.sign(presses))

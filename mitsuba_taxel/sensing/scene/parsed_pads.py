@@ -60,8 +60,7 @@ def take_load(props: mi.Properties) -> tuple[tuple[float, ...], tuple[list[float
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
     specification = DeformablePad.read(props)
-    quantity = Load.named(specification.load).quantity
-    for name in (quantity, "history"):
+    for name in (*Load.named(specification.load).quantities(), "history"):
         if name in props:
             del props[name]
     return specification.load_value, specification.build_history()

@@ -105,8 +105,9 @@ def _written(pad: PadShape, file: Path, vtu: bool) -> dict[str, Any]:
     return {
         "file": str(file),
         "quantity": state.load.quantity,
-        "value": [float(component) for component in state.value],
+        "value": [float(component) for component in state.value[:3]],
         "unit": state.load.unit,
+        **({"moment_N_mm": state.value[3:].tolist()} if state.load.tilts else {}),
         "triangles": pad.face_count(),
         "min_jacobian": float(state.min_jacobian),
         "newton_iterations": int(state.newton_iterations),

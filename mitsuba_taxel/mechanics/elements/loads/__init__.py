@@ -3,10 +3,11 @@
 from mitsuba_taxel.base.kinds import import_all
 from mitsuba_taxel.mechanics.elements.loads.indenter_displacement import IndenterDisplacement
 from mitsuba_taxel.mechanics.elements.loads.indenter_force import IndenterForce
-from mitsuba_taxel.mechanics.elements.loads.load import DeadForce, Load
+from mitsuba_taxel.mechanics.elements.loads.load import DeadForce, Load, mirrored_value, normal_part
 from mitsuba_taxel.mechanics.elements.loads.patch_force import PatchForce
 from mitsuba_taxel.mechanics.elements.loads.plate_displacement import PlateDisplacement
 from mitsuba_taxel.mechanics.elements.loads.plate_force import PlateForce
+from mitsuba_taxel.mechanics.elements.loads.plate_wrench import PlateWrench
 from mitsuba_taxel.mechanics.elements.loads.pressure import Pressure
 from mitsuba_taxel.mechanics.elements.loads.spread_force import SPREAD_FORCE, SpreadForce
 
@@ -19,8 +20,11 @@ __all__ = [
     "PatchForce",
     "PlateDisplacement",
     "PlateForce",
+    "PlateWrench",
     "Pressure",
     "SpreadForce",
+    "mirrored_value",
+    "normal_part",
 ]
 
 import_all(__name__, __path__)

@@ -1,7 +1,7 @@
 """Base classes of the loads of a pad.
 
-A load has a ``value``, which a load path varies: three components of a force [N] or displacement [mm], or a pressure
-[MPa]. A new load is a frozen dataclass with a name. A force that is spread over a region of the top is a `DeadForce`,
+A load has a ``value``, which a load path varies: three components of a force [N] or displacement [mm], a pressure
+[MPa], or three components of a force and three of a moment [N mm]. A new load is a frozen dataclass with a name. A force that is spread over a region of the top is a `DeadForce`,
 which gives the area of each node in that region::
 
     @dataclass(frozen=True)
@@ -49,8 +49,9 @@ class Load(Kind, family="load"):
     components : int
         Number of components of its value.
     bonded_plate : bool
-        Whether a rigid plate is bonded to the top, which moves but does not rotate. The value is its displacement or
-        the force on it.
+        Whether a rigid plate is bonded to the top. The value is its displacement or the force on it.
+    tilts : bool
+        Whether this plate rotates, too. The value is a force and a moment.
     follows_surface : bool
         Whether it is a pressure on top and outside, normal to the deformed surface.
     dead : bool
@@ -77,6 +78,7 @@ class Load(Kind, family="load"):
     unit: ClassVar[str]
     components: ClassVar[int]
     bonded_plate: ClassVar[bool] = False
+    tilts: ClassVar[bool] = False
     follows_surface: ClassVar[bool] = False
     dead: ClassVar[bool] = False
     loads_rim: ClassVar[bool]
@@ -92,6 +94,11 @@ class Load(Kind, family="load"):
         if self.self_contact:  # before a pad is meshed and loaded
             require_ipctk()
 
+    @classmethod
+    def quantities(cls) -> tuple[str, ...]:
+        """Names of the scene parameters that together are the value."""
+        return (cls.quantity, "moment") if cls.tilts else (cls.quantity,)
+
     @property
     def gives_displacement(self) -> bool:
         """Whether the value of the load is a displacement, so that the force is a reaction."""
@@ -101,6 +108,14 @@ class Load(Kind, family="load"):
     def moves_plate(self) -> bool:
         """Whether the displacement of a bonded plate is prescribed."""
         return self.bonded_plate and self.gives_displacement
+
+    def pivot(self, mesh: VolumeMesh) -> np.ndarray:
+        """Point (3,) in mm of a tilting plate on which its force acts."""
+        raise NotImplementedError(f"{self} does not tilt")
+
+    def length(self, mesh: VolumeMesh) -> float:
+        """Length in mm by which moments are divided where they are compared with forces."""
+        raise NotImplementedError(f"{self} has no moments")
 
     @property
     def moved_indenter(self) -> Indenter | None:
@@ -204,6 +219,23 @@ class DeadForce(Load):
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
         nodal = self.nodal(mesh)
         return bool(np.allclose(nodal[image], nodal, rtol=0, atol=1e-12 * nodal.max(initial=0.0)))
+
+
+def normal_part(value: np.ndarray) -> np.ndarray:
+    """The part of a load's value (c,) along z, or the pressure; all else is 0."""
+    part, axis = np.zeros(len(value)), min(2, len(value) - 1)
+    part[axis] = value[axis]
+    return part
+
+
+def mirrored_value(mirror: Mirror, values: np.ndarray) -> np.ndarray:
+    """Values (..., c) of a load after reflection in a mirror: forces are vectors, moments axial vectors."""
+    if values.shape[-1] == 1:
+        return values
+    parts = [mirror.image(values[..., :3])]
+    if values.shape[-1] > 3:
+        parts.append(0.0 - mirror.image(values[..., 3:]))
+    return np.concatenate(parts, axis=-1)
 
 
 def top_faces(mesh: VolumeMesh) -> np.ndarray:
