@@ -53,6 +53,7 @@ from .mechanics import (
 )
 from .mechanics import (
     PlateForce as PlateForce,
+    PlateWrench as PlateWrench,
 )
 from .mechanics import (
     Pressure as Pressure,

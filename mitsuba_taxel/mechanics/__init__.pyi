@@ -37,6 +37,7 @@ from .elements.loads import (
 )
 from .elements.loads import (
     PlateForce as PlateForce,
+    PlateWrench as PlateWrench,
 )
 from .elements.loads import (
     Pressure as Pressure,

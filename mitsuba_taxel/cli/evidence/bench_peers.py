@@ -83,6 +83,18 @@ def ball_command(sizes: tuple[float, ...], depths: tuple[float, ...], file: Path
     _show(COLUMNS, table(sizes or MESH_SIZES, depths or DEPTHS), file)
 
 
+@peers.command("plate", short_help="A plate that tilts on a cell, beside CalculiX.")
+@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be repeated.")
+@click.option("--tilt", "tilts", multiple=True, type=click.Choice(["small", "large"]), help="Both by default.")
+@csv_option
+@debug_option
+def plate_command(sizes: tuple[float, ...], tilts: tuple[str, ...], file: Path | None) -> None:
+    """Compare the rotation, force and moment of a tilting plate with CalculiX, on the same mesh."""
+    from mitsuba_taxel.evidence.peers.tilted_plate import COLUMNS, MESH_SIZES, WRENCHES, table
+
+    _show(COLUMNS, table(sizes or MESH_SIZES, tilts or tuple(WRENCHES)), file)
+
+
 def _show(columns: Sequence[object], rows: Iterable[Sequence[object]], file: Path | None) -> None:
     """Print rows as they are measured, and write all of them at the end."""
     kept = []

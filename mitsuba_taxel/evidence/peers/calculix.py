@@ -31,7 +31,11 @@ class CalculixRun:
     displacement : (N, 3) ndarray
         Displacement of each of N nodes in mm, with the seven digits that CalculiX prints.
     force : (3,) ndarray
-        Force in N on the indenter; NaN without an indenter.
+        Force in N on the moved body; NaN without a body.
+    held : (k,) ndarray of int
+        Nodes of the board whose forces the program printed; empty if it did not.
+    held_force : (k, 3) ndarray
+        Force of the board on these nodes in N.
     seconds : float
         Wall time in s of the whole process: reading the input, solving, and writing the displacements.
     increments : int
@@ -42,6 +46,8 @@ class CalculixRun:
 
     displacement: np.ndarray
     force: np.ndarray
+    held: np.ndarray
+    held_force: np.ndarray
     seconds: float
     increments: int
     iterations: int
@@ -119,8 +125,8 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
         status, convergence = (_rows(folder / f"{_JOB}.{kind}") for kind in ("sta", "cvg"))
         increments = sum(not row[2].endswith("U") for row in status)  # U: given up
         table = folder / f"{_JOB}.dat"
-        displacement, force = read_displacement(table, nodes), read_force(table)
-        return CalculixRun(displacement, force, seconds, increments, len(convergence))
+        displacement, force, on_board = read_displacement(table, nodes), read_force(table), read_board_forces(table)
+        return CalculixRun(displacement, force, *on_board, seconds, increments, len(convergence))
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
@@ -166,6 +172,14 @@ def read_force(file: Path) -> np.ndarray:
     """Read the total force (3,) in N at the end of a `.dat` file; NaN if there is none."""
     _, _, total = file.read_text(encoding="utf-8").partition("total force")
     return np.array(total.split()[-3:], dtype=float) if total else np.full(3, np.nan)
+
+
+def read_board_forces(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes (k,) of the set BOARD and the forces (k, 3) in N on them, which a `.dat` file ends with; empty if it holds
+    none."""
+    _, _, rows = file.read_text(encoding="utf-8").partition("forces (fx,fy,fz) for set BOARD")
+    numbers = np.array([row.split() for row in rows.splitlines()[1:] if row], dtype=float).reshape(-1, 4)
+    return numbers[:, 0].astype(int) - 1, numbers[:, 1:]
 
 
 def _rows(file: Path) -> list[list[str]]:
