@@ -1,8 +1,8 @@
 """Base classes of the loads of a pad.
 
 A load has a ``value``, which a load path varies: three components of a force [N] or displacement [mm], a pressure
-[MPa], or three components of a force and three of a moment [N mm]. A new load is a frozen dataclass with a name. A force that is spread over a region of the top is a `DeadForce`,
-which gives the area of each node in that region::
+[MPa], or three components of a force and three of a moment [N mm]. A new load is a frozen dataclass with a name. A
+force that is spread over a region of the top is a `DeadForce`, which gives the area of each node in that region::
 
     @dataclass(frozen=True)
     class CornerForce(DeadForce, name="corner_force"):
