@@ -53,6 +53,8 @@ from .mechanics import (
 )
 from .mechanics import (
     PlateForce as PlateForce,
+)
+from .mechanics import (
     PlateWrench as PlateWrench,
 )
 from .mechanics import (

@@ -37,6 +37,8 @@ from .elements.loads import (
 )
 from .elements.loads import (
     PlateForce as PlateForce,
+)
+from .elements.loads import (
     PlateWrench as PlateWrench,
 )
 from .elements.loads import (

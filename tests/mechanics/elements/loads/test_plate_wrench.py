@@ -1,4 +1,4 @@
-"""A plate that tilts, against closed forms of beams, columns and thin layers, and against the balance of its moments."""
+"""A plate that tilts, against closed forms of beams, columns and thin layers, and against its balance of moments."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel import Block
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics import NeoHookean, PlateForce, PlateWrench, Viscoelastic, load_path, reactions
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.derivatives.sensitivities import linearise
@@ -96,7 +96,8 @@ def test_the_board_balances_force_and_moment(tilted):
     # The moment about the pivot is conjugate to the rotation vector.
     top = nodes_of(tilted.mesh, "top")[0]
     pivot = load.pivot(tilted.mesh)
-    at = tilted.mesh.points[top] + tilted.displacement[top] + rotation_matrix(turned) @ (pivot - tilted.mesh.points[top])
+    corner = tilted.mesh.points[top]
+    at = corner + tilted.displacement[top] + rotation_matrix(turned) @ (pivot - corner)
     moment = balance.applied_moment - np.cross(at, balance.applied_force)
     first, _ = rotation_derivatives(tuple(turned))
     spins = [rate @ rotation_matrix(turned).T for rate in first]  # spin of the plate by each component
