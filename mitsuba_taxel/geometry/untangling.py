@@ -1,4 +1,4 @@
-"""Few distorted elements of a mesh, repaired by moving nodes inside."""
+"""Repair of a few distorted elements of a mesh, by moving inner nodes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _DIRECTIONS = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], dtype
 _STEPS = (0.4, 0.2, 0.1, 0.05)
 """Steps of the search, relative to the mean length of the edges around a node."""
 FLAT = 0.1
-"""Volume of an element, relative to the median around a node, that counts as undistorted."""
+"""Volume of an element, relative to the median around a node, above which it counts as undistorted."""
 TINY = 1e-6
 """Least gain of the quality for which a step is accepted."""
 

@@ -1,4 +1,5 @@
-"""Shapes that carry LEDs and phototransistors: a `photo_reflector` carries a grid of faces, a `rectangle` one."""
+"""Shapes that carry LEDs and phototransistors: a `photo_reflector` carries a grid of faces, a `rectangle` a single
+face."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ SMALLEST_STEP = 1e-3
 """Least step in degrees between two rows: closer angles are nearly equal in single precision."""
 
 RIGHT_ANGLE, NARROW = 1.571, 0.2
-"""Last angles, in radians and rounded up, between which a table is considered to be in radians. Hardly any part has
-such a narrow beam in degrees, but many tables in radians end there, at 11 to 90 degrees."""
+"""Largest and smallest last angle, in radians and rounded up, of a table that is considered to be in radians. Hardly
+any part has such a narrow beam in degrees, but many tables in radians end there, at 11 to 90 degrees."""
 
 
 class Interpolant:

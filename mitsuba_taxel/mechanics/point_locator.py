@@ -133,7 +133,7 @@ class PointLocator:
             if points are not (P, 3) finite numbers, the tolerance is negative, or a point is farther from the silicone.
         """
         if not (math.isfinite(tolerance) and tolerance >= 0):
-            raise InputError(f"tolerance = {tolerance} is not allowed: a finite distance of 0 or more is needed.")
+            raise InputError(f"tolerance = {tolerance} is not allowed: a finite distance of 0 mm or more is needed.")
         x = _checked(points)
         element, reference, offset = np.empty(len(x), dtype=np.int64), np.empty(x.shape), np.zeros(x.shape)
         for start in range(0, len(x), POINTS_AT_ONCE):

@@ -25,7 +25,8 @@ from mitsuba_taxel.transport.rules import monomials
 MOST_CUTS = 9
 """Largest number of subdivisions of a patch."""
 _NODES = 1 / 3 + 0.8 * (LATTICE - 1 / 3)
-"""(15, 2) coordinates (s, t) of interpolation: inside the patches, as the response may jump to 0 at their rim."""
+"""Coordinates (s, t) (15, 2) of the interpolation nodes, which lie inside the patches because the response may jump to
+0 at their rim."""
 _COEFFICIENTS = np.linalg.inv(monomials(_NODES, DEGREE))
 """Matrix (15, 15) from values at the nodes to the coefficients of the polynomial through them."""
 

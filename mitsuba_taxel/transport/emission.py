@@ -31,7 +31,8 @@ CHECKED = 4
 """Every fourth point of an LED with a wide beam is checked against the power within outlines, as all points emit
 alike."""
 STEP = 1e-3
-"""Displacement of the walls in mm in differences of the power within outlines, times the spread of narrow beams."""
+"""Displacement of the walls in mm for finite differences of the power within outlines; for narrow beams, multiplied by
+their spread."""
 RIM_POINTS = 4
 """Number of rays from a corner that the edge of the cone cuts off; each ray has one point less than there are rays."""
 EDGE_POINTS = 8

@@ -24,7 +24,7 @@ HORIZON = 4e-3
 IN_PLANE = 1e-10
 """Cosine up to which two points count as points of one plane; such points do not see each other."""
 _TURN = threading.Lock()
-"""Lets one thread at a time launch kernels."""
+"""Lock with which one thread at a time launches kernels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +168,8 @@ class Exchange:
         """
         with _TURN:
             pair, factor = self._pairs(), _floats(weight)
-            # Light falls with the distance and the cosines; its step at the horizon is smoothed, or in ``by_leaving``.
+            # Light falls with the distance and the cosines; its step at the horizon is smoothed, or contained in
+            # ``by_leaving``.
             even, over, per_leaving = pair.even, pair.over, factor * pair.cosine * pair.facing
             if above is None or by_leaving is None:
                 per_leaving += factor * pair.at_horizon(HORIZON * wider)

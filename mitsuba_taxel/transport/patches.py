@@ -11,9 +11,9 @@ from mitsuba_taxel.transport.rules import differentiated, monomials
 
 DEGREE = 4
 LATTICE = np.array([(i, j) for j in range(DEGREE + 1) for i in range(DEGREE + 1 - j)]) / DEGREE
-"""(15, 2) coordinates (s, t) of the points of a patch."""
+"""Coordinates (s, t) (15, 2) of the 15 points of a patch."""
 _COEFFICIENTS = differentiated(DEGREE) @ np.linalg.inv(monomials(LATTICE, DEGREE))
-"""Matrices (3, 15, 15) from points to the polynomial through them, and to its derivatives by s and t."""
+"""Matrices (3, 15, 15) from points to the polynomial through them, and to its derivatives with respect to s and t."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class PatchPoints:
             Derivatives per mm.
         """
         by_s, by_t = self._evaluated(positions, _COEFFICIENTS[1:])
-        # Derivatives by the position and by both tangents, whose cross product is the area normal.
+        # Derivatives with respect to the position and to both tangents, whose cross product is the area normal.
         adjoint = np.concatenate([by_position.T, cross(by_t, by_area).T, cross(by_area, by_s).T])
         summed = np.zeros((len(positions), len(adjoint), len(LATTICE)))
         for face, points in self._of_faces:

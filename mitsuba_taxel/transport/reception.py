@@ -94,7 +94,8 @@ class _ReceivedPairs:
             np.stack([component.reshape(self._shape).sum(axis=1) for component in vector], axis=1)
             for vector in (slopes.by_end, slopes.by_normal)
         )
-        # The cosine is -(away . normal) / distance; its derivatives by position and end have opposite signs.
+        # The cosine is -(away . normal) / distance; its derivatives with respect to position and end have opposite
+        # signs.
         turned = adjoint[:, None] * self._bare * self._slope / self._distance
         direction = self._away / self._distance[:, :, None]
         along = np.einsum("te,tec->tc", turned * self._cosine, direction)

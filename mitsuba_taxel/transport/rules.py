@@ -208,7 +208,8 @@ def polar_rule(target: np.ndarray, count: int) -> Rule:
         length = np.linalg.norm(side)
         first = to_start @ side / length
         height = math.sqrt(to_start @ to_start - first**2)
-        # Position along the side, from the foot of the target, and its rate by the variable of Gauss' rule.
+        # Position along the side, from the foot of the target, and its derivative with respect to the variable of
+        # Gauss' rule.
         low, high = math.asinh(first / height), math.asinh((first + length) / height)
         position = height * np.sinh(low + across * (high - low))
         rate = np.sqrt(height**2 + position**2) * (high - low) / length

@@ -109,7 +109,8 @@ def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.nd
             sample, density = emission.sample(taxel, sample)
         column, row = np.minimum((np.array(sample) * side).astype(int), side - 1)
         cell = (np.arange(lanes) // _PILOT * side + row) * side + column
-        # Of rays that are sampled with a density, the mean of power^2 density estimates that of rays of the law alone.
+        # For rays sampled with a density, the mean of power^2 times density estimates the mean of power^2 for rays of
+        # the law alone.
         squares = power.astype(float) ** 2 * np.broadcast_to(density.numpy(), lanes)
         square += np.bincount(cell, squares, pair.count * side**2).reshape(-1, side, side)
         fourth += np.sum(squares.reshape(pair.count, -1) ** 2, axis=1)

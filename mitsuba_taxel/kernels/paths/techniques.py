@@ -63,10 +63,10 @@ class Vertex:
 class Mirrored:
     """Properties of a ray before and at the mirror that has reflected it."""
 
-    # 1/sr: density of its direction before the mirror and of specular reflection; 0 if images have no part.
+    # In 1/sr: density of the ray's direction before the mirror and of specular reflection; 0 if images have no part.
     density: mi.Float
     distance: mi.Float  # mm: from the vertex before the mirror
-    # Mm² sr: ratio of reflected views to hits, without the factor of the phototransistor; 0 if impossible.
+    # In mm² sr: ratio of reflected views to hits, without the factor of the phototransistor; 0 if impossible.
     odds: mi.Float
     specular: mi.Float  # probability of specular reflection by the mirror
     mirrors: mi.UInt32  # number of mirrors since the last wall that scattered

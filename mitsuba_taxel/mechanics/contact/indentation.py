@@ -23,7 +23,7 @@ from mitsuba_taxel.mechanics.contact.indenter_shape import Gap
 from mitsuba_taxel.pads.regions import REGIONS
 
 STIFFNESS = 2e3
-"""Pressure at a penetration as large as the face, in Young's moduli."""
+"""Penalty stiffness: the contact pressure, relative to Young's modulus, at a penetration as large as the face."""
 SHAPE_STEP = 1e-5
 """Largest displacement of a node, relative to the pad's height, for finite differences with respect to the shape."""
 

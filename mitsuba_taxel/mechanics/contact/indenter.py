@@ -19,7 +19,7 @@ STEEPEST = 80.0
 
 
 _SHAPE = ("shape",)
-"""Each kind states which parameters it uses."""
+"""Parameter on which others depend: each kind of body uses only some of the parameters."""
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ SPACING = 0.25
 BENT = 1.2
 """Largest ratio of a length on a curved face to the distance between its corners."""
 MOST_CUTS, MOST_PIECES = 12, 4096
-"""Levels of cuts of a face into four, and number of pieces that are cut at each level."""
+"""Largest number of times that a face is cut into four, and largest number of pieces that are cut each time."""
 
 _QUARTERS = np.array(
     [

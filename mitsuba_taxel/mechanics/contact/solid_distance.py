@@ -36,7 +36,7 @@ _DERIVATIVES = [
     *((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)),
     *((2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0), (0, 1, 1), (1, 0, 1)),
 ]
-"""Orders of the derivatives of the spline by x, y and z."""
+"""Orders of the derivatives of the spline with respect to x, y and z."""
 
 
 class SolidDistance:

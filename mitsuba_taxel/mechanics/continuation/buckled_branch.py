@@ -108,7 +108,7 @@ class BuckledPad:
             if self.towards(unknowns, ahead) is not ahead:
                 raise Rejected("it presses on what it touches")
             unknowns = ahead
-            # At the start of a branch, loads need one more step.
+            # At the start of a branch, the load needs one more iteration.
             if iteration and solution.residual < RESIDUAL_TOLERANCE:
                 return replace(solution, unknowns=unknowns), bordered
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")

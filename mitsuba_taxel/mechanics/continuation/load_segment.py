@@ -176,7 +176,8 @@ class LoadSegment:
                     # Where the cubic is not accurate, further nodes are solved midway.
                     nodes = self._between(pad, last, end, fits)
                 except Rejected as rejection:
-                    # A step without an acceptable state is halved; the segment ends where the shortest has none.
+                    # A step without an acceptable state is halved; the segment ends where even the shortest step has
+                    # none.
                     if shortest:
                         self.limit, self.reason = last.s, f"cannot be loaded further ({rejection})"
                         return

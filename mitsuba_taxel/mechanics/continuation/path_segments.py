@@ -102,7 +102,8 @@ class PathSegments:
         path, kept = np.stack([origin, direction]), self.mirrors_at(origin + direction)
         mirrors = tuple(m for m in kept if path.shape[1] == 1 or np.array_equal(mirrored_value(m, path), path))
         segment, rest = self.known.get((*origin, *direction)), np.zeros_like(origin)
-        if origin.any() and not (segment and segment.nodes):  # at least as soft as under the normal load before
+        # The pad is at least as compliant as under the normal load alone.
+        if origin.any() and not (segment and segment.nodes):
             segment = self.known.get((*rest, *np.sign(origin)))
         return self.pad_between(mirrors, segment.ticks if segment else TICKS)
 

@@ -182,8 +182,8 @@ def accelerated(
         iterates = [*iterates[-REMEMBERED:], unknowns]
         corrections, last = [*corrections[-REMEMBERED:], correction], size
 
-        # The combination of the last iterates whose correction is least. Not by matrix products, whose rounding depends
-        # on the number of threads.
+        # The combination of the last iterates whose correction is least. Sums replace matrix products, whose rounding
+        # depends on the number of threads.
         unknowns = unknowns - correction
         if len(iterates) > 1:
             steps, differences = np.diff(iterates, axis=0), np.diff(corrections, axis=0)

@@ -51,7 +51,7 @@ class CriticalMode:
         try:
             modes = [_mode(block, state) for block in self._blocks]
         except Rejected as rejection:
-            raise ComputationError(f"an unstable pad has no least stiff mode: {rejection}.") from rejection
+            raise ComputationError(f"the least stiff mode is that of a stable pad: {rejection}.") from rejection
         self._place = int(np.argmin([stiffness for stiffness, _ in modes]))
         self.stiffness, self._mode = modes[self._place]
 

@@ -208,7 +208,7 @@ class Elements:
                 return
 
             # Blocks of displacements. Where the law is linear, forces of pressure and history do not turn with the
-            # solid. The derivative of F S by F at constant S is that of a prestressed solid.
+            # solid. The derivative of F S with respect to F at constant S is that of a prestressed solid.
             follower_pressure = p
             if small is not None:
                 follower_pressure = np.where(small.at, 0.0, p)

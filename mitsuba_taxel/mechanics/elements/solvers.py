@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
 MOST_THREADS = 4
-"""More threads bring no gain for matrices of pads."""
+"""Largest number of threads of a solver; more threads bring no gain for matrices of pads."""
 
 FEW_UNKNOWNS = 50_000
 """Number of unknowns below which a matrix is ordered by minimum fill, which is quicker; larger matrices are ordered by

@@ -26,8 +26,8 @@ from mitsuba_taxel.mechanics.equilibrium.natural_step import NATURAL_STRAIN
 from mitsuba_taxel.mechanics.equilibrium.solution import NO_HISTORY, Balanced, History, Rejected, Solution
 
 SLOW_PRESSED = 0.2
-"""A factored tangent is reused while each iteration reduces the error below this fraction. It is larger than without an
-indenter, because nodes that come into contact keep the error large with any tangent."""
+"""A factored tangent is reused while each iteration reduces the error to less than this fraction. It is larger than
+without an indenter, because nodes that come into contact keep the error large with any tangent."""
 MOST_HALVINGS = 5
 """Number of halvings of a Newton step that would invert an element."""
 LIKELY = 0.25

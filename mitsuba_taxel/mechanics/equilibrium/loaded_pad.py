@@ -30,10 +30,12 @@ MOST_ITERATIONS = 20
 MOST_HALVINGS = 6
 """Number of halvings of a Newton step that inverts an element."""
 SLOW = 0.1
-"""A factored tangent is reused while each iteration reduces the error below this fraction, or ..."""
+"""A factored tangent is reused while each iteration reduces the error to less than this fraction; see also
+`FEW_ITERATIONS`."""
 FEW_ITERATIONS, FEW_UNKNOWNS = 3, 20_000
-"""... while so many more iterations of the same effect suffice, which cost less than a factorisation. For n unknowns,
-more than these, their number grows by n^(2/3), like the cost of a factorisation relative to that of an iteration."""
+"""A factored tangent is also reused if this number of further iterations, each as effective as the last one, would
+reach the tolerance: together they cost less than a factorisation. The number applies to at most so many unknowns; for n
+unknowns it grows with n^(2/3), like the cost of a factorisation relative to that of an iteration."""
 NEAR = 1e-3
 """Distance of displacements, relative to the largest, within which the tangent of a nearby state is used."""
 

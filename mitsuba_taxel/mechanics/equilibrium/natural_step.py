@@ -16,7 +16,7 @@ THIN_STEP = 0.125
 NATURAL_STRAIN = 0.02
 """Approximate mean strain of one step of a load path."""
 TICKS = 64
-"""Number of smallest fractions of a step, for pads that a step strains as a block."""
+"""Least number of ticks, the smallest fractions of a step: that of pads that a step strains like a block."""
 MOST_TURNED = 0.05
 """Largest displacement gradient that the smallest fraction of a step may cause."""
 

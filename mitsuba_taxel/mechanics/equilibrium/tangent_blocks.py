@@ -354,5 +354,8 @@ def least_mode(block: TangentBlock, tangent: Linearised, converged: float) -> tu
         if np.linalg.norm(push - before) < converged:
             break
     else:
-        raise ComputationError(f"the least stiff mode of the pad was not found in {MOST_ITERATIONS} iterations.")
+        raise ComputationError(
+            f"the least stiff mode of the pad was not found in {MOST_ITERATIONS} iterations: its smallest eigenvalues "
+            "are too close to each other."
+        )
     return tangent.stiffness(mode), mode

@@ -107,7 +107,7 @@ def chosen_size(pad: AnyPad, material: Material, load: Load, size: float | None,
         if not (value is None or is_number(value)):
             raise refusal(name, value, "a finite number is needed")
     if size is not None and tolerance is not None:
-        raise InputError(f"mesh_size = {size:g} and mesh_tolerance = {tolerance:g} are given: only one is allowed.")
+        raise InputError(f"mesh_size = {size:g} and mesh_tolerance = {tolerance:g} are given: remove one.")
     if tolerance is not None:
         # At rest an indenter touches nothing: the size for a force on the top is used, and refined under the indenter.
         return mesh_size_for(pad, material, load if load.indenter is None else SPREAD_FORCE, tolerance)

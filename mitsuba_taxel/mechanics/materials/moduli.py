@@ -10,7 +10,7 @@ NODES = 10
 _A, _B = np.tril_indices(NODES)
 _I, _K = np.divmod(np.arange(9), 3)
 PAIRS = (_A, _B)
-"""Pairs of an element's nodes, the second not after the first, one for each block of its symmetric stiffness."""
+"""Pairs (a, b) of an element's nodes with b <= a, one for each block of its symmetric stiffness."""
 
 
 def _block_indices(row: np.ndarray, i: np.ndarray, column: np.ndarray, k: np.ndarray) -> np.ndarray:

@@ -149,7 +149,7 @@ def checked_terms(prony: object) -> Terms:
         raise refusal("prony", prony, "at least one pair of numbers, a weight and a relaxation time in s, is needed")
     terms: Sequence[Sequence[float]] = prony  # type: ignore[assignment]
     if len(terms) > MOST_TERMS:
-        raise InputError(f"prony with {len(terms)} terms is not allowed: at most {MOST_TERMS} are.")
+        raise InputError(f"prony with {len(terms)} terms is not allowed: at most {MOST_TERMS} are possible.")
     for weight, time in terms:
         if not (weight > 0 and time > 0):
             raise InputError(f"prony term {weight:g} {time:g} is not allowed: a weight and a time above 0 are needed.")

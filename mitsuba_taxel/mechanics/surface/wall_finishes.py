@@ -48,7 +48,7 @@ class SeparateFinish:
             raise refusal(
                 "SeparateFinish",
                 (self.roof, self.side),
-                "finishes of two kinds, or one finish and None, are needed; a finish of both walls is stated by itself",
+                "finishes of two kinds, or one finish and None, are needed; one finish of both walls is given alone",
             )
 
 

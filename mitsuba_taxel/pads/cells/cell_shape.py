@@ -20,7 +20,7 @@ ON_FLAT_WALLS, ON_ROUND_WALLS = 1.6, 2.0
 """Divisors of the element size on the walls of cells: elements of curved walls are smaller, to follow the shape."""
 
 Difference = Callable[[Callable[[Any], np.ndarray]], np.ndarray]
-"""Returns the change of a function of the cell shape, when the dimensions of the pad change."""
+"""Function that returns the change of a function of the cell shape when the dimensions of the pad change."""
 
 
 class Dimensions(Protocol):

@@ -65,7 +65,7 @@ class Meridian:
             (r, z) in mm, and the first and second derivatives with respect to u.
         """
         u = np.maximum(u, TINY) if self.power == 2 else u
-        # r^2 and z are polynomials of s: their derivatives by u follow by the chain rule.
+        # r^2 and z are polynomials of s: their derivatives with respect to u follow by the chain rule.
         s, ds, dds = (u**2, 2 * u, 2.0) if self.power == 2 else (u, np.ones_like(u), 0.0)
         squares, heights = ([polynomial(s, order) for order in range(3)] for polynomial in (self.square, self.height))
         (q, dq, ddq), (z, dz, ddz) = (

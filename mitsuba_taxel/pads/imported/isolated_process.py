@@ -16,10 +16,10 @@ from mitsuba_taxel.base.processes.worker_process import NoAnswer, answer_of
 from mitsuba_taxel.geometry.geometry_error import GeometryError
 
 WORKER = Path(__file__).with_name("worker.py")
-"""Run as a script, so that the process imports neither this package nor Mitsuba."""
+"""Program of the separate process: run as a script, so that the process imports neither this package nor Mitsuba."""
 MOST_SECONDS = 600.0
 MOST_MEMORY = 8 * 2**30
-"""Bytes of address space, unless this process itself has a lower limit."""
+"""Largest address space of the separate process in bytes, unless this process itself has a lower limit."""
 
 
 def run_isolated(task: str, arrays: Mapping[str, object]) -> dict[str, np.ndarray]:

@@ -231,7 +231,8 @@ def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
     z = surface.vertices[:, 2]
     if not np.any(region == REGIONS["bottom"]):
         raise GeometryError(
-            f"it has no bottom: no face lies on the board, z = 0, as its z runs from {z.min():g} to {z.max():g} mm"
+            f"it has no bottom: no face lies on the board, z = 0, as its z runs from {z.min():g} to {z.max():g} mm; "
+            "place it on z = 0, or name its bottom by a rule"
         )
     if not np.any(region == REGIONS["top"]):
         raise GeometryError(

@@ -64,7 +64,9 @@ class Rule:
         if self.normal is not None:
             normal = _numbers("normal", self.normal, (3,))
             if not normal.any():
-                raise InputError(f"normal = {tuple(normal.tolist())} is not allowed: it must not be 0.")
+                raise InputError(
+                    f"normal = {tuple(normal.tolist())} is not allowed: three numbers, not all 0, are needed."
+                )
             object.__setattr__(self, "normal", tuple(normal.tolist()))
         if self.box is not None:
             corners = _numbers("box", self.box, (2, 3))

@@ -79,7 +79,7 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
         mesh = _good_mesh(_read_as(path, placement), survey, mirrors, mesh_size, last=not mirrors)
         if mesh is not None:
             return mesh
-    raise ComputationError(f"meshing the pad lost a part of it: choose another mesh_size than {mesh_size:g}.")
+    raise ComputationError(f"the mesh does not fill the whole pad: choose another mesh_size than {mesh_size:g}.")
 
 
 def _read_as(path: Path, placement: Placement) -> dict[str, object]:

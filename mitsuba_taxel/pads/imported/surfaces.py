@@ -93,7 +93,7 @@ def _parse(content: bytes, suffix: str) -> tuple[np.ndarray, np.ndarray]:
             )
     except Exception as error:  # readers may raise anything on a broken file
         raise GeometryError(
-            f"it cannot be read as {suffix[1:].upper()} ({' '.join(str(error).split())[:100]})"
+            f"it cannot be read as {suffix[1:].upper()} ({' '.join(str(error).split())[:100]}); export it again"
         ) from error
     finally:
         log.setLevel(level)

@@ -73,7 +73,7 @@ def mesh_by_tetwild(
     inside = volume(points, faces[:, :3])
     if abs(inside / volume(vertices, triangles) - 1) > VOLUME_TOLERANCE:
         raise ComputationError(
-            f"the mesh has {inside:.4g} mm3 of the {volume(vertices, triangles):.4g} mm3 of the pad: choose a smaller "
+            f"the mesh fills {inside:.4g} of the {volume(vertices, triangles):.4g} mm3 of the pad: choose a smaller "
             f"mesh_size than {mesh_size:g}."
         )
     return VolumeMesh(points, tets, faces, region[followed], cell[followed])

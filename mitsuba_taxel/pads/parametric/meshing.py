@@ -260,7 +260,10 @@ def _generated(
             mesh = OCCGeometry(solid).GenerateMesh(parameters)
             mesh.SecondOrder()
         except NgException as error:
-            raise ComputationError(f"meshing the pad failed: {' '.join(str(error).split())}.") from error
+            reason = " ".join(str(error).split())
+            raise ComputationError(
+                f"meshing the pad failed: {reason}. Choose another mesh_size than {mesh_size:g}."
+            ) from error
         return _read(mesh, pad, unit)
 
 

@@ -89,7 +89,7 @@ def _check_elements(mesh: VolumeMesh, morphed: VolumeMesh) -> None:
     x, y, z = position
     raise ComputationError(
         f"the mesh cannot be moved this far: an element near ({x:.3g}, {y:.3g}, {z:.3g}) mm is distorted or "
-        f"{MOST_STRETCH:g} times as slender: meshed_as must be closer, or left out."
+        f"{MOST_STRETCH:g} times as slender. Choose dimensions for meshed_as that are closer, or leave it out."
     )
 
 

@@ -68,7 +68,8 @@ class PolarCone:
         bend = (1 + 2 * edge**2) / math.sin(self.blunt) ** 4 * value
         power = np.arange(4, -1, -1)
         conditions = np.stack([np.ones(5), power, power * (power - 1), 1 / (power + 1), 1 / (power + 2)])
-        # At v = 1 the value and its derivatives by v; the integrals over v of the law, and of v times the law.
+        # At v = 1 the value and its derivatives with respect to v; the integrals over v of the law, and of v times the
+        # law.
         per_turn = 2 * math.pi * height * self.angle
         means = self.blunt / per_turn, _arc_above_sine(self.blunt) / (height * per_turn)
         return np.linalg.solve(conditions, np.array([value, -height * slope, height**2 * bend, *means]))

@@ -22,7 +22,7 @@ from mitsuba_taxel.mechanics.cutting import cut_faces
 from mitsuba_taxel.pads.regions import REGIONS
 
 CUTS = 6
-"""Triangles along the longest edge of a face: as many as light meets by default."""
+"""Number of triangles along the longest edge of a face: as many as for light transport by default."""
 
 
 class BodyBarrier:
