@@ -32,19 +32,19 @@ For users who ask how long a study takes and how exact it is.
 
 Written by `{command}`; do not edit by hand.
 
-This page reads the nine taxels of `pad.xml` with cells of each shape, under normal force up to -20 N, and under
-tangential force along x, at a normal force of -8 N, up to where the paper's solver stopped. Target errors are
-{error:g} of a reading, and {slope:g} of the steepest slope. Each shape is measured in a separate process with an
-empty cache of solutions.
+For each cell shape, two studies compute readings of the nine taxels of `pad.xml`: under normal forces up to -20 N, and
+under tangential forces along x at a normal force of -8 N, up to the force at which the paper's solver stopped. Target
+errors are {error:g} of a reading, and {slope:g} of the steepest slope. Each shape is measured in a separate process
+with an empty cache of solutions.
 
 {table}
 
 - **forces**: number of forces that the curves needed.
 - **readings within**, **slopes within**: largest total error of nine taxels, one standard deviation; for slopes
   relative to the steepest taxel at the same force.
-- **CPU s**: CPU time of all processors. The normal study includes the search for mesh, steps and points. The tangential
-  study reuses points and mesh, and searches for a finer mesh only if its slopes miss the target. Kernels that Dr.Jit
-  has compiled before are not compiled again.
+- **CPU s**: CPU time of all processors. The study under normal forces includes the search for mesh, steps and points.
+  The study under tangential forces reuses points and mesh, and searches for a finer mesh only if its slopes miss the
+  target. Kernels that Dr.Jit has compiled before are not compiled again.
 """
 
 

@@ -258,28 +258,29 @@ def _deviation(first: dict, second: dict) -> float:
     return max(abs(b - a) / (e**2 + f**2) ** 0.5 for a, b, e, f in columns)
 
 
-PAGE = """# Savings from omitted work
+PAGE = """\
+# Savings from omitted work
 
 For users who ask what makes a scene slow, and for people who change the code.
 
 Written by `taxel bench omitted-work --markdown docs/omitted_work.md`; do not edit by hand.
-`taxel render SCENE --explain` lists the work omitted for a scene.
+`taxel render SCENE --explain` lists the work that is omitted for a scene.
 
-Each row is a reading of {points} points in 32 randomisations. The first row of a scene is the unchanged scene; each
+Each row is a reading with {points} points in 32 randomisations. The first row of a scene is the unchanged scene; each
 following row adds one piece of work that the scene does not need; the last row adds all of them.
 
 {table}
 
-- **modules**, **slow ones**: Python modules imported; packages among them that are slow to import.
-- **triangles**: of the meshes in which light is traced.
-- **unknowns**: of the largest system of equations solved; 0 for none.
-- **kernels**, **operations**: distinct kernels of {smallest} operations or more that Dr.Jit ran, and the total number
-  of operations of their intermediate representation.
-- **first CPU s**: from start to end of the process, with empty caches of kernels and solutions, traced by one thread;
-  **again CPU s**: the minimum of two runs with the caches of the first (a pad without load is solved anew). Rows of
-  equal work differ by up to a third if the machine is busy.
-- **Z**: largest change of a reading from the first row, in standard errors of the light. The random numbers are the
-  same unless all pairs are traced: only there, a change of one or two is expected.
+- **modules**, **slow ones**: number of imported Python modules, and which packages among them are slow to import.
+- **triangles**: number of triangles in which light is traced.
+- **unknowns**: number of unknowns of the largest system of equations that is solved; 0 for none.
+- **kernels**, **operations**: number of different kernels of {smallest} operations or more that Dr.Jit ran, and the
+  total number of operations of their intermediate representation.
+- **first CPU s**: CPU time of the whole process, with empty caches of kernels and solutions; one thread traces the
+  light. **again CPU s**: the smaller CPU time of two runs with the caches of the first run (a pad without load is
+  solved again). Rows of equal work differ by up to a third if the machine is busy.
+- **Z**: largest difference of a reading from the first row, in standard errors of the light. The random numbers are the
+  same, except if all pairs are traced: only there, a difference of one or two is expected.
 
 Some work is omitted in every scene, so that no row can show what it would cost. Paths end at absorbing walls. Under a
 plate or an unloaded flat roof, all reflecting surfaces lie in one plane, and no path is reflected twice: `max_depth`

@@ -22,64 +22,68 @@ from mitsuba_taxel.evidence.rows.row_files import command_of, read_all_rows, wri
 _READINGS = """\
 # Stated and true errors
 
-For users who ask how often the true reading is within the stated error.
+For users who ask how often the true value lies within the stated error.
 
 Written by `{command}`; do not edit by hand.
 
-Each setting is read on the default mesh, which gives the stated error of the finite elements. The truth is read on
-elements of {fine:g} mm or less (at most 1 / {finer:g} of the default size), and extrapolated from these and from
-elements {coarser:.2f} times as large, with an error that falls with the power {order:g} of their size. Light is
-computed without random numbers, by the same patches on all meshes.
+Each setting is a sensor whose readings are computed on the default mesh, with their stated errors. The true error is
+the difference from a reference value. The reference value is extrapolated from readings on elements of {fine:g} mm or
+less (at most 1 / {finer:g} of the default size) and on elements {coarser:.2f} times as large; the error is assumed to
+fall with the power {order:g} of the element size. Light is computed without random numbers, with the same patches on
+all meshes.
 
 **{summary}**
 
 {table}
 
-- **true**, **stated**: relative error of the worst taxel due to the finite elements.
-- **corrected**: true error after the signed estimate of the second mesh is subtracted from the reading.
-- **light**: stated error of the patches of the light. **truth extrapolated by**: change of the truth by the
-  extrapolation from the finest elements.
-- **within twice**: number of readings whose true error is within twice the stated error.
-- **CPU s**: time of all processors, for all three meshes.
+- **true**, **stated**: true and stated relative error of the worst taxel due to the finite elements.
+- **corrected**: true error after the estimated error, with its sign, is subtracted from the reading.
+- **light**: stated relative error of the light, due to its patches. **extrapolation**: relative change of the reference
+  value by the extrapolation.
+- **within twice**: number of readings whose true error is at most twice the stated error.
+- **CPU s**: CPU time of all processors, for all three meshes.
 """
 _FIGURES = """
-## Figures that need no pad
+## Results that need no pad
 
-Each row is a kind of synthetic data with a known truth:
+Each row is a result computed from synthetic data, whose true value is known:
 
 - recordings of a bench: the force moves in stairs, ramps, triangles, sines, or ramps and holds, with random numbers of
-  levels and rows; the noise is white, correlated from row to row, or below or above the steps of a 12-bit converter;
-- tolerance studies: sums and products of normal parameters, with noise;
+  levels and rows. The noise is white, correlated from row to row, or smaller or larger than the steps of a 12-bit
+  converter;
+- tolerance studies: sums and products of normally distributed parameters, with noise;
 - fits of a curve: by the right model, by a model with errors of light and finite elements, with correlated unknowns,
-  and with a bound near the truth;
-- calibrations: by paths whose errors are common to a path or independent from row to row, tested on new paths;
+  and with a bound near the true value;
+- calibrations: from load paths whose errors are common to a path or independent from row to row, tested on new paths;
 - exported models of studies with errors; forces computed from noisy counts;
-- differences of two variants of a sensor by `taxel compare`: their readings have partly common errors, either equal
-  along a path or random.
+- differences of two variants of a sensor by `taxel compare`: their readings have partly common errors, which are either
+  equal along a load path or random.
 
-Errors of figures are counted over random seeds that are used for nothing else. 95.4 % should be within twice the stated
-error (intervals are converted to standard deviations).
+Each row counts errors over many random seeds, which are used for nothing else. If the stated errors are right, 95.4 %
+of the true errors are within twice the stated error (intervals are converted to standard deviations).
 
 **{summary}** {below}
 
 {table}
 
-- **coverage**: fraction of errors within twice the stated error. **not stated**: number of errors that are not stated,
-  because the noise is unknown.
-- **true / stated**: root mean square over the seeds; 1 if stated errors are as large as true errors.
+- **stated errors**, **not stated**: number of results with a stated error, and of results without one because the noise
+  is unknown.
+- **coverage**: fraction of the true errors within twice the stated error.
+- **true / stated**: root mean square, over the seeds, of the true error divided by the stated error.
 """
 _PROBABILITIES = """
 ## Probabilities
 
-Three variants of a sensor, with synthetic figures and errors as above, are ranked by one figure with `taxel compare`,
-with a limit on another. The table compares the stated probabilities of being first, and of being within the limit
-(**allowed**), with the observed frequencies.
+`taxel compare` ranks three variants of a sensor by one figure of merit, with a limit on another. The variants are
+synthetic, with errors as above. The table compares stated probabilities with observed frequencies of two events: the
+variant is the best (**first**), and it meets the limit (**allowed**).
 
 **{summary}**
 
 {table}
 
-- **1 sigma**: standard error of the observed frequency, if all probabilities are right.
+- **stated**, **number**: range of stated probabilities, and how many of them lie in this range.
+- **1 sigma**: standard error of the observed frequency, if all stated probabilities are right.
 """
 
 

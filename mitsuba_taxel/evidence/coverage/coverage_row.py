@@ -46,7 +46,7 @@ class CoverageRow:
         "stated": ("stated", ".3%"),
         "ratio": ("true / stated", ".2f"),
         "light": ("light", ".3%"),
-        "extrapolated": ("truth extrapolated by", ".3%"),
+        "extrapolated": ("extrapolation", ".3%"),
         "readings": ("readings", ".0f"),
         "within": ("within twice", ".0f"),
         "seconds": ("CPU s", ".0f"),

@@ -40,18 +40,18 @@ ALLOWED, LARGEST = 2.0, 0.03
 """Largest deviations in combined errors, and relative."""
 
 _PAGE = """\
-# Dragged and pressed
+# Dragged and pressed indenters
 
 For users of indenters with friction who ask whether dragged bodies are solved correctly.
 
 Written by `{command}`; do not edit by hand.
 
-Each row compares two solutions for the same state of a pad of one cell, on elements of the default size. In the first,
-a body is pressed into the middle and dragged to a position, with a coefficient of friction of {friction:g}. In the
-second, the same body is pressed in at that position, without friction. Elements are small along the path in the first
-case, and below the body in the second; the load steps differ as well. Forces and the mean displacement of the roof
-should agree within their stated errors. They agree better than that, because elements of equal size around the body
-have similar errors.
+Each row compares two solutions for the same final state of a pad with one cell, on elements of the default size. In the
+first, a body is pressed into the middle and dragged to its final position, with a coefficient of friction of
+{friction:g}. In the second, the same body is pressed in at the final position, without friction. The two solutions have
+different load steps, and elements that are small at different places: along the path of the body, or below its final
+position. Forces and the mean displacement of the roof should agree within their stated errors. They agree better than
+that, because elements of equal size around the body have similar errors.
 
 **{summary}**
 
@@ -61,8 +61,9 @@ have similar errors.
   relative to this force.
 - **stated**: root of the sum of squares of the two stated errors, relative to the force.
 - **roof deviation**, **roof stated**: the same for the mean displacement of the roof.
-- **combined errors**: the larger of the two deviations over its stated error.
-- **CPU s**: time of all processors for both states with their errors.
+- **combined errors**: the larger of the two deviations, each divided by its combined stated error (**stated** or **roof
+  stated**).
+- **CPU s**: CPU time of all processors, for both solutions with their errors.
 
 {missing}
 """

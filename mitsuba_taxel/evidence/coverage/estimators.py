@@ -58,22 +58,26 @@ For people who change how light is traced.
 
 Written by `{command}`; do not edit by hand.
 
-Each row is a pad of one cell, whose optics are drawn at random as in [light of random configurations](light.md). Rows
-*images* compare readings with and without [connections over the mirror](theory/light.md), where the flat roof of an
-unloaded pad is a mirror. Rows *differences* compare two estimates of the change of a reading between two loads, on the
-same triangles: [paths through material points](theory/derivatives.md#paths-through-material-points), and readings that
-share their random numbers. There walls are diffuse, with a finish or without, and rims are sharp or rounded.
+This page tests two methods that reduce the noise of random paths. Each row is a pad with one cell, whose optics are
+drawn at random as on the page [light of random configurations](light.md).
+
+- Rows *images* compare readings with and without [connections over a mirror](theory/light.md). The mirror is the flat
+  roof of an unloaded pad.
+- Rows *differences* compare two estimates of the change of a reading between two loads, on the same triangles: by
+  [paths through material points](theory/derivatives.md#paths-through-material-points), and as a difference of readings
+  that share their random numbers. Walls are diffuse, with or without a finish, and rims are sharp or rounded.
 
 **{summary}**
 
 {table}
 
-- **value**: the reading, or its change, by plain paths, which do not use the estimator.
-- **deviation**: relative deviation of the estimator from this value. **combined errors**: deviation over the standard
-  error of both.
-- **gain**: variance of plain paths over that of the estimator, with equal numbers of paths. It is a lower bound,
-  because more plain paths are traced, and their variance falls faster than their number rises. Where the LED has a
-  narrow beam, paths through material points leave it, and have more noise than plain paths, which studies then use.
+- **value**: the reading, or its change, by plain paths, without the tested method.
+- **deviation**: relative deviation of the tested method from this value. **combined errors**: deviation divided by the
+  combined standard error of both.
+- **gain**: variance of plain paths divided by the variance of the tested method, for equal numbers of paths. It is a
+  lower bound, because more plain paths are traced, and their variance falls faster than their number rises. If the LED
+  has a narrow beam, paths through material points leave the beam and have more noise than plain paths; studies then use
+  plain paths.
 - **CPU s**: CPU time of both, with the mechanics.
 
 {missing}

@@ -29,49 +29,56 @@ For users who ask whether light without random numbers is right for their optics
 
 Written by `{command}`; do not edit by hand.
 
-The cases are pads of one cell, unloaded or loaded, in every registered shape. All other properties are drawn at random
-from a seed: the law of the LED (cones of 0.05 to 90 degrees, powers of the cosine up to a million, tables), the
-response of the phototransistor, walls, sizes and dies. Each case is read twice: at the default settings, and by random
-paths alone. The second way does not use the patches and the quadrature of the first, so it is an independent check.
+Each row is a pad with one cell, unloaded or loaded; all registered cell shapes occur. All other properties are drawn at
+random: the emission law of the LED (cones of 0.05 to 90 degrees, powers of the cosine up to a million, tables), the
+response of the phototransistor, walls, sizes and dies. Each reading is computed twice: at the default settings, and by
+random paths only. Random paths use neither the patches nor the quadrature of light without random numbers, so they are
+an independent check.
 
 **{summary}**
 
 {table}
 
-- **random paths**: "yes" if the default reading uses them; otherwise it has no noise.
+- **random paths**: "yes" if the reading at the default settings uses random paths; if "no", it has no noise.
 - **deviation**: relative difference of the default reading from the reading by random paths. **stated**: stated error
-  of the default reading. **noise**: error of the random paths, by noise and by triangles. **combined errors**: the
-  deviation over the root of the sum of the squares of both errors.
-- **slope**: the same for the derivative with respect to {derived}, whichever deviates more in combined errors; relative
-  to the reading, per mm.
-- **CPU s**, **MB**: CPU time of all processors at the default and to {tight:.1%}, with compilation, and peak memory.
+  of the default reading. **noise**: error of the reading by random paths, due to noise and triangles. **combined
+  errors**: the deviation divided by the root of the sum of squares of both errors.
+- **slope deviation**, **slope stated**, **slope noise**: the same for the derivative with respect to {derived},
+  relative to the reading, per mm; of both derivatives, the one with the larger deviation in combined errors is shown.
+- **CPU s**, **CPU s to {tight:.1%}**, **MB**: CPU time of all processors at the default settings, and to a target
+  error of {tight:.1%}, both with compilation; peak memory.
 - **measured**: date and time in UTC. Each row was measured with the code of that time (see `git log`). To measure a row
   again, delete it from the CSV file.
 
 {missing}
 
-## Mirrors, which no row has
-No wall of these configurations is a mirror. Mirrors need random paths. Below a plane mirror, as the roof of an unloaded
-box, scattering walls are connected with the image of the phototransistor. With a mirror as roof (reflectance 0.9) and
-Lambertian sides (0.9), `taxel render FILE.xml --points 1024` of a box at rest states 0.34 %, and `--target-error 0.1%`
-takes 4 CPU s. A load bends the mirror. Then rays from the phototransistor are followed over the mirror, and the wall
-where they end is connected; light that reaches this wall over a mirror as well meets the phototransistor by chance
-alone. The error of the same box is 1.2 % with 1024 points. It falls as the root of the number of paths: 0.1 % takes
-some 120 000 points per taxel and randomisation, minutes instead of seconds.
+## Cells with mirrors
+No wall in the table is a mirror. Light in cells with mirrors is computed by random paths.
 
-If few such paths carry much of the light, their scatter can understate the error. For the scene `images 5 cylindrical`
-of [estimators of random paths](estimators.md), with 32 768 points and 8 seeds, deviations from the mean of many more
-paths were compared with the stated errors. With the roof at rest, and without connections over its image, the mean
-square of deviation over error is 2.8, the largest deviation 0.33 %; before rays were followed over mirrors, these were
-240 and 13 %, and seeds missed 5 % of the light and stated 0.1 %. Pressed by 0.3 N, they are 0.2 and 0.13 % (179 and
-10 % before). Following these rays takes 3 to 27 % of the time. `pytest tests/kernels/test_reflected_views.py -k narrow`
-repeats it with fewer paths on a similar scene.
+**Plane mirrors.** Below a plane mirror, such as the roof of an unloaded box, paths connect scattering walls with the
+mirror image of the phototransistor. For a box at rest with a mirror roof (reflectance 0.9) and Lambertian sides (0.9),
+`taxel render FILE.xml --points 1024` states an error of 0.34 %, and `--target-error 0.1%` takes 4 CPU s.
 
-Where the LED lights a bent mirror roof, and the phototransistor is small (0.05 mm) beside Lambertian sides of 0.9,
-nearly all light arrives by chance. Over 40 seeds of 4096 points, a median error of 3.5 to 5.8 % is stated, the mean
-square of deviation over error is 2.2 to 2.6, and 82 % of readings are within twice the error (exponents 8 and 2). A
-reading [notes](howto/convergence.md#few-light-paths-carry-much-of-the-light) this if one randomisation has more than
-half of the scatter: with 1024 points and an exponent of 2, in 4 of 8 seeds.
+**Bent mirrors.** A load bends the mirror roof. Rays from the phototransistor are then traced over the mirror, and
+connected with the wall that they hit. Light that reaches this wall by way of a mirror as well hits the phototransistor
+by chance only. The error of the same box, loaded, is 1.2 % with 1024 points. It falls as the square root of the number
+of paths: an error of 0.1 % needs about 120 000 points per taxel and randomisation, minutes instead of seconds.
+
+**Understated errors.** If few paths carry much of the light, the scatter of the replicates can understate the error.
+This was tested with the scene `images 5 cylindrical` of [estimators of random paths](estimators.md), with 32 768 points
+and 8 seeds: the deviation from the mean of many more paths was compared with the stated error. With the roof at rest,
+and without connections over its image, the mean square of deviation / stated error is 2.8, and the largest deviation is
+0.33 %. Before rays were traced over mirrors, these numbers were 240 and 13 %, and some seeds missed 5 % of the light
+with a stated error of 0.1 %. With the roof pressed by 0.3 N, the numbers are 0.2 and 0.13 % (before: 179 and 10 %).
+Tracing these rays takes 3 to 27 % of the time. `pytest tests/kernels/test_reflected_views.py -k narrow` repeats the
+test with fewer paths on a similar scene.
+
+**Small phototransistors.** If the LED lights a bent mirror roof, and the phototransistor is small (0.05 mm) beside
+Lambertian sides (0.9), nearly all light arrives by chance. For responses cosine_power with exponents of 8 and 2, 40
+seeds of 4096 points state a median error of 3.5 to 5.8 %; the mean square of deviation / stated error is 2.2 to 2.6,
+and 82 % of the readings are within twice the stated error. A reading has a
+[note](howto/convergence.md#few-light-paths-carry-much-of-the-light) if one randomisation has more than half of the
+scatter: with 1024 points and an exponent of 2, this happened for 4 of 8 seeds.
 """
 
 

@@ -66,8 +66,8 @@ POINTS, RAYS = 1 << 13, 1 << 19
 MORE_POINTS = {("spherical", "rough mirror"): 16}
 """Factor of the number of points, where few paths carry the light."""
 
-PAD_HEADINGS = ("pad", "load [N]", "reference [W/W]", "deviation", "its noise", "stated", f"deviation, {LARGER:g} mm")
-HEADINGS = ("cell", "roof", "cells", "N per cell", "reference [W/W]", "deviation", "its noise", "stated for the shape")
+PAD_HEADINGS = ("pad", "load [N]", "reference [W/W]", "deviation", "noise", "stated", f"deviation, {LARGER:g} mm")
+HEADINGS = ("cell", "roof", "cells", "N per cell", "reference [W/W]", "deviation", "noise", "stated for the shape")
 
 _PAGE = """\
 # Domes
@@ -76,26 +76,31 @@ For users of domes and of cells with mirrors who ask whether their readings are 
 
 Written by `{command}`; do not edit by hand.
 
-This page compares readings at the default settings with independent references. It covers domes in detail, and all
-other cell shapes. The shape of an unloaded roof is known exactly. The reference is then a quadrature for
-diffuse walls, or ray tracing on the exact roof for mirrors. Neither uses finite elements, triangles or a renderer
-(`mitsuba_taxel/evidence/domes/sphere_light.py` and `flat_roof_light.py`). The cell `profile` has the profile of the
-hemisphere. A shape whose roof is neither spherical nor flat has no such reference: it is compared with a simulation on
-smaller elements. Loaded cells are compared with elements of {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (1 x 1 under
-tangential forces) or {fine[3]:g} mm (3 x 3); the default is 0.625 to 0.75 mm for domes and for flat roofs with
-mirrors. For 3 x 3 cells under tangential forces, stability is tested on elements of {judge:g} mm in both simulations.
+This page compares readings at the default settings with independent reference values. It covers domes in detail, and
+all other cell shapes.
+
+- **Unloaded cells** with a spherical or a flat, round roof: the shape of the roof is known exactly. The reference is a
+  quadrature for diffuse walls, or ray tracing on the exact roof for mirrors. Neither uses finite elements, triangles or
+  a renderer (`mitsuba_taxel/evidence/domes/sphere_light.py` and `flat_roof_light.py`). The cell `profile` has the
+  profile of the hemisphere.
+- **Other unloaded cells** have no such reference. They are compared with a simulation on smaller elements.
+- **Loaded cells** are compared with a simulation on elements of {fine[1]:g} mm (1 x 1 cells), {aside[1]:g} mm (1 x 1
+  under tangential forces) or {fine[3]:g} mm (3 x 3). The default size is 0.625 to 0.75 mm for domes, and for flat roofs
+  with mirrors. For 3 x 3 cells under tangential forces, stability is tested on elements of {judge:g} mm in both
+  simulations.
 
 **{summary}**
 
 {table}
 
-- **deviation**: relative deviation of the mean of all taxels from the reference. **its noise**: standard error of the
+- **deviation**: relative deviation of the mean of all taxels from the reference. **noise**: standard error of the
   deviation.
-- **stated for the shape**: stated relative error of the geometry and, under load, the mechanics.
+- **stated for the shape**: stated relative error due to the geometry and, under load, the mechanics.
 - **rough mirror**: root-mean-square slope of 2 degrees.
 
 ## Mirrors of other pads
-One hemispheric cell on elements of the default size, and of {larger:g} mm, compared with elements of {smallest:g} mm.
+Each row is one hemispheric cell with a mirror roof. Readings on elements of the default size, and on elements of
+{larger:g} mm, are compared with a reading on elements of {smallest:g} mm.
 
 {pads}
 """

@@ -97,17 +97,19 @@ For people who change how derivatives are computed.
 
 Written by `{command}`; do not edit by hand.
 
-This page compares derivatives of the reading of a cell with an isotropic roof at {designs} designs or loads along a
-line, on one mesh. The step at the [horizon](theory/derivatives.md#the-light-of-a-cell) is spread over several widths
-(cosine). The program uses a width of {width:g} between walls, and {wider:g} times this width between walls and a
-phototransistor. Readings do not depend on the width.
+Light from an isotropic wall ends with a step at the [horizon](theory/derivatives.md#the-light-of-a-cell) of each point.
+For derivatives, the program smooths this step over a range of the cosine. This page compares several widths of that
+range. Each line consists of {designs} designs or loads of a cell with an isotropic roof, on one mesh. The program uses
+a width of {width:g} between walls, and {wider:g} times this width between walls and a phototransistor. Readings do not
+depend on the width.
 
 {table}
 
-- **bias**: relative deviation of the mean derivative from the slope between the ends of the line, from readings with
-  {points} x {points} points on the phototransistor.
-- **scatter**: standard deviation of the derivatives from a cubic along the line, relative to the same slope.
-- **stated**: part of the stated error due to the width, from the change with twice the width.
+- **by**: parameter that changes along the line, with respect to which the reading is differentiated.
+- **bias**: relative deviation of the mean derivative from the slope between the ends of the line. The slope follows
+  from readings with {points} x {points} points on the phototransistor.
+- **scatter**: standard deviation of the derivatives from a cubic polynomial along the line, relative to this slope.
+- **stated**: part of the stated error due to the width, from the change of the derivative with twice the width.
 """
 
 

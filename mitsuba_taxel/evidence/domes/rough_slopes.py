@@ -87,17 +87,19 @@ For users whose cells have a finish or rough mirrors, and who ask what a slope c
 
 Written by `{command}`; do not edit by hand.
 
-Each row is a study of one cell on elements of the default size, over five loads from 0 to -0.83 N. The LED emits 1 W,
-walls other than the roof absorb, and Lambertian roofs reflect 90 %.
+Each row is a study of one cell over five loads from 0 to -0.83 N, on elements of the default size. The LED emits 1 W,
+all walls except the roof absorb, and Lambertian roofs reflect 90 %. All errors are relative.
 
 {table}
 
-- **points**: paths of each of 32 randomisations. **reading**: error of the worst reading due to light.
-- **slope**: the mean slope. **light**, **shape**: its error due to light, and due to finite elements and facets.
-- **largest slope**: error of the largest slope due to light and the [curve](theory/derivatives.md) between the loads.
+- **points**: number of light paths in each of 32 randomisations. **reading**: error of the worst reading due to the
+  light.
+- **slope**: mean slope over the force. **light**, **shape**: error of the mean slope due to the light, and due to
+  finite elements and facets.
+- **largest slope**: error of the largest slope due to the light and the [curve](theory/derivatives.md) between loads.
 - **CPU s**: CPU time of the study, with the mechanics and all errors.
-- **shared numbers**: error of the mean slope due to light, if the readings at both ends are traced with as many paths
-  that share their random numbers. With a finish the study uses [paths through material
+- **shared numbers**: error of the mean slope due to the light, if it is the difference of two readings that share their
+  random numbers, with the same number of paths. For cells with a finish, the study uses [paths through material
   points](theory/derivatives.md#paths-through-material-points) instead.
 """
 

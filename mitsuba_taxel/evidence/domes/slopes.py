@@ -32,17 +32,18 @@ For users of derivatives who ask how well their stated errors hold.
 
 Written by `{command}`; do not edit by hand.
 
-This page compares derivatives of the reading of one cell at the default settings with those on elements of {fine:g} mm.
-These are half as large as the default for cells with flat roofs; their own error is about a third of the deviation
-given here. Loaded domes have elements of 0.625 mm (spherical) and 0.75 mm (hemispheric): their rows show how much
-slopes scatter between meshes of nearly the same size, rather than an error. Roofs scatter isotropically. Both meshes
-use the same patches for the light, so the error of the patches is not part of the comparison;
-`tests/sensing/test_derivatives.py` bounds it with smaller patches.
+This page compares derivatives of the reading of one cell, computed at the default settings, with derivatives on
+elements of {fine:g} mm. For cells with flat roofs, these elements are half as large as the default; the error of the
+reference is about a third of the deviation in the table. For loaded domes, the default elements are 0.625 mm
+(spherical) and 0.75 mm (hemispheric): these rows show how much derivatives scatter between meshes of nearly the same
+size, rather than an error. Roofs scatter isotropically. Both meshes use the same patches for the light, so the error
+due to the patches is not part of the comparison; `tests/sensing/test_derivatives.py` bounds it with smaller patches.
 
 {table}
 
-- **stated**: stated error (one standard deviation), relative. **deviation**: difference from the value on small
-  elements, relative to it.
+- **by**: parameter with respect to which the reading is differentiated.
+- **stated**: stated relative error (one standard deviation). **deviation**: relative difference from the derivative on
+  small elements.
 - **CPU s for all**: CPU time of all processors for six derivatives, after the pad is solved.
 """
 

@@ -60,7 +60,7 @@ class IntervalRow:
 
     COLUMNS: ClassVar = {
         "case": ("synthetic data", ""),
-        "figure": ("figure", ""),
+        "figure": ("result", ""),
         "made": ("stated errors", ".0f"),
         "unstated": ("not stated", ".0f"),
         "within": ("coverage", ".1%"),
@@ -129,8 +129,8 @@ def named_below(rows: Sequence[IntervalRow]) -> str:
     least = TWICE - ALLOWED
     below = [f"{row.figure} of {row.case.partition(': ')[2]} ({row.within:.1%})" for row in rows if row.within < least]
     by_chance = sum(float(binom.cdf(math.ceil(least * row.made) - 1, row.made, TWICE)) for row in rows)
-    words = f"By chance, {by_chance:.1f} would be below if each held exactly 95.4 %."
-    return f"Below: {'; '.join(below)}. {words}" if below else f"None is below. {words}"
+    words = f"By chance, {by_chance:.1f} such results are expected if the true coverage is 95.4 %."
+    return f"Results with less: {'; '.join(below)}. {words}" if below else f"No result has less. {words}"
 
 
 def summary(rows: Sequence[IntervalRow]) -> str:
@@ -138,6 +138,6 @@ def summary(rows: Sequence[IntervalRow]) -> str:
     good = sum(row.within >= TWICE - ALLOWED for row in rows)
     within = np.average([row.within for row in rows], weights=[row.made for row in rows]) if rows else math.nan
     return (
-        f"For {good} of {len(rows)} figures, at least {TWICE - ALLOWED:.1%} of the true errors are within twice the "
-        f"stated error; of all errors, {within:.1%} are."
+        f"For {good} of {len(rows)} results, at least {TWICE - ALLOWED:.1%} of the true errors are within twice the "
+        f"stated error; over all results, {within:.1%} are."
     )

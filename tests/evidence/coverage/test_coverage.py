@@ -117,7 +117,7 @@ def test_the_command_prints_the_table(made_up):
 def test_the_page_has_95_percent_within_twice():
     """Of readings, and of settings in which all are; each truth is on elements of at most 0.4 mm."""
     lines = (Path(__file__).parents[3] / "docs" / "coverage.md").read_text().splitlines()
-    first = lines[: lines.index("## Figures that need no pad")]
+    first = lines[: lines.index("## Results that need no pad")]
     headings_there, _, *rows = [line.strip("| ").split(" | ") for line in first if line.startswith("| ")]
     told = [dict(zip(headings_there, row, strict=True)) for row in rows]
     names = [case.name for case in coverage_cases.coverage_cases()]

@@ -111,7 +111,7 @@ def test_the_page_counts_what_holds(monkeypatch, tmp_path):
     again = CliRunner().invoke(command, asked)  # nothing is measured, as no offset is left
     assert again.exit_code == 0 and again.stdout == result.stdout
     text = page.read_text()
-    assert "Rows from before it, on larger elements: 03." in text  # of 0.5 mm
+    assert "Scenes measured before this rule, on larger elements: 03." in text  # of 0.5 mm
     assert "12 of 18 figures (66.7%) of 3 scenes are within twice" in text
     assert "| nonlinearity | 0.2 % | 3 | 0 | 1 | 2 | 0.7 | 4.00 |" in text and str(rows) in text
 

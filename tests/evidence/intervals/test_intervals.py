@@ -66,21 +66,21 @@ def test_shares_are_counted():
     first, second = case.measured()
     assert (first.made, first.unstated, first.within, second.within) == (30, 10, pytest.approx(2 / 3), 1.0)
     assert first.ratio == pytest.approx((10 / 3) ** 0.5)
-    assert summary([first, second]).startswith("For 1 of 2 figures, at least 92.5%")
+    assert summary([first, second]).startswith("For 1 of 2 results, at least 92.5%")
 
 
 def test_figures_below_are_named():
     """Of 200 errors at most 184 are within with the sum of the binomial probabilities."""
     rows = [IntervalRow("record: ramp", name, 200, 0, within, 1.0) for name, within in (("a", 0.925), ("b", 0.92))]
     chance = sum(math.comb(200, n) * TWICE**n * (1 - TWICE) ** (200 - n) for n in range(185))
-    said = f"By chance, {100 * chance:.1f} would be below if each held exactly 95.4 %."
-    assert named_below([rows[0]] * 99 + rows[1:]) == f"Below: b of ramp (92.0%). {said}" and "2.1" in said
-    assert named_below(rows[:1]).startswith("None is below.")
+    said = f"By chance, {100 * chance:.1f} such results are expected if the true coverage is 95.4 %."
+    assert named_below([rows[0]] * 99 + rows[1:]) == f"Results with less: b of ramp (92.0%). {said}" and "2.1" in said
+    assert named_below(rows[:1]).startswith("No result has less.")
 
 
 def test_the_page_holds_errors_that_hold():
     """95 % of its figures within 3 points of the nominal share, or above; with 200 seeds they spread by 1.5 points."""
-    text = (Path(__file__).parents[3] / "docs" / "coverage.md").read_text().split("## Figures that need no pad")[1]
+    text = (Path(__file__).parents[3] / "docs" / "coverage.md").read_text().split("## Results that need no pad")[1]
     text = text.split("## Probabilities")[0]
     rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")][2:]
     shares = [float(row[4].rstrip("%")) / 100 for row in rows]
