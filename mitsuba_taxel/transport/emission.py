@@ -211,7 +211,8 @@ class Emission:
 
 
 class _Rays:
-    """Rays from points of an LED to the points that they light."""
+    """N rays from points of an LED to the points that they light, with the ``value`` of each: the fraction of the LED's
+    power that it carries."""
 
     def __init__(self, led: End, lit: LitPoints, positions: np.ndarray) -> None:
         self._led = led
@@ -228,18 +229,18 @@ class _Rays:
 
     @property
     def of_cosine(self) -> np.ndarray:
-        """Derivative (N, 3) of the cosine with respect to the lit point."""
+        """Derivative (N, 3) of the cosine between the ray and the LED's axis with respect to the lit point."""
         return (self._led.normal - self.cosine[:, None] * self.direction) / self.distance[:, None]
 
     @property
     def by_area(self) -> np.ndarray:
-        """Derivative (N, 3) of the value with respect to the area normal of the lit point."""
+        """Derivative (N, 3) of each ray's value with respect to the area normal of the lit point."""
         lit = self.facing > 0
         return -(self.weight * self.intensity / self.squared * lit)[:, None] * self.direction
 
     @property
     def by_position(self) -> np.ndarray:
-        """Derivative (N, 3) of the value with respect to the lit point."""
+        """Derivative (N, 3) of each ray's value with respect to the lit point."""
         per_square = (self.weight / self.squared)[:, None]
         lit = (self.facing > 0)[:, None]
         fall = (

@@ -70,7 +70,7 @@ class Reception:
 
 
 class _ReceivedPairs:
-    """The pairs of a block of points of walls with all points of a phototransistor."""
+    """All pairs of one point from a block of points on walls and one point of a phototransistor."""
 
     def __init__(self, end: End, starts: Starts) -> None:
         self._end, self._shape = end, (len(starts.at), len(end.points))

@@ -55,7 +55,7 @@ class Sparsity:
         Parameters
         ----------
         blocks : (m, pairs, 9) ndarray
-            Blocks of displacements, for :data:`PAIRS`.
+            Flattened (3, 3) blocks of the displacements of each pair of nodes in :data:`PAIRS`.
         mixed : (m, 4, 30) ndarray
             Blocks of pressures and displacements.
         pressures : (m, 4, 4) ndarray

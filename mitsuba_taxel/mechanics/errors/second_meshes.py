@@ -198,7 +198,8 @@ class SecondMeshes:
         return 0.0 if judge is None else TYPICAL_ERROR * top_ratio(judge.mesh, self._path.mesh) ** ORDER
 
     def typical(self, error: float) -> float:
-        """The error on the elements of the path, scaled from a typical error on elements of the default size."""
+        """Estimate of the error on the path's elements from ``error``, which is typical of elements of the default
+        size."""
         relative_size = min(self._path.mesh_size / self._path.pad.default_mesh_size, COARSENING)
         return error * relative_size**ORDER  # larger elements may all have the coarsest possible mesh
 

@@ -28,7 +28,7 @@ def symmetric_part(pad: DrawnPad, cell: Callable[[float, float], Any]) -> Any:
     pad : DrawnPad
         The pad, with lengths in mm.
     cell : Callable[[float, float], netgen.occ.TopoDS_Shape]
-        Returns the cell whose axis has x and y, as :meth:`CellShape.solid`.
+        Returns the cell whose axis is at (x, y), as :meth:`CellShape.solid`.
 
     Returns
     -------

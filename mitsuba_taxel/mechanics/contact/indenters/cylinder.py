@@ -10,7 +10,7 @@ from mitsuba_taxel.mechanics.contact.indenter_shape import RoundBody, round_outl
 
 
 class Cylinder(RoundBody, name="cylinder", rank=2):
-    """A rod without ends along the x axis of its frame."""
+    """An endless rod along the x axis of its frame."""
 
     meaning = "a rod that lies across the whole pad"
     uses = ("radius", "angle")

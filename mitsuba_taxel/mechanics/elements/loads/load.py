@@ -244,14 +244,14 @@ def top_faces(mesh: VolumeMesh) -> np.ndarray:
 
 
 def face_areas(mesh: VolumeMesh, faces: np.ndarray) -> np.ndarray:
-    """Areas of flat faces.
+    """Area of each of B flat faces.
 
     Parameters
     ----------
     mesh : VolumeMesh
         Mesh of the undeformed pad.
     faces : (B, 6) ndarray of int
-        Their nodes.
+        Nodes of the faces.
 
     Returns
     -------
