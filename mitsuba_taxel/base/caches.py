@@ -94,6 +94,11 @@ class Recent(Generic[_Result]):
             Function without arguments that computes the result.
         *others : Hashable
             Other values that determine the result.
+
+        Returns
+        -------
+        object
+            The cached result of an earlier call with equal arrays and values, or else the result of ``make``.
         """
         key = _digest(arrays), *others
         with self._lock:

@@ -114,7 +114,8 @@ def fitted_slopes(force: np.ndarray, samples: np.ndarray, positions: np.ndarray)
         noise, mean = _noise(basis, readings), readings.mean(axis=1)
         every = np.array([np.linalg.solve(basis * v @ basis.T + noise, basis * v @ rows.T).T for v in variances])
         weights = np.tensordot(chances, every, axes=1)
-        # The variance for each size and ratio, and that of their means; the part by noise is taken from replicates.
+        # Variance within each size and ratio, and variance of their means. The part due to noise is subtracted here, as
+        # it follows from the replicates.
         within = np.einsum("rk,hk,rk->hr", rows, variances, rows) - np.einsum(
             "hrn,nk,hk,rk->hr", every, basis, variances, rows, optimize=True
         )

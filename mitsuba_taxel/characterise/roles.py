@@ -158,7 +158,7 @@ def with_forces_named(study: xr.Dataset) -> xr.Dataset:
             study = study.assign(derivative=signed_derivative)
         study = study.assign_coords(parameter=np.array([new_names.get(name, name) for name in parameter_names]))
 
-    # Shadowed names first: they are free for the second group then.
+    # Parameters whose names are needed are renamed first, so that these names are free.
     for group in (shadowed, new_names.keys() - shadowed):
         study = study.rename({name: new_names[name] for name in group if name in study.coords or name in study.dims})
 

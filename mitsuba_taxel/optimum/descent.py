@@ -101,7 +101,8 @@ def descend(at: At, start: np.ndarray, tolerance: float = TOLERANCE) -> np.ndarr
     Parameters
     ----------
     at : At
-        Evaluation of points; must not fail at the start.
+        Function that evaluates a point (first argument) for comparison with the last accepted point (second argument),
+        and returns a `Trial`. It must not fail at the start.
     start : (V,) ndarray
         First point in the unit cube.
     tolerance : float
@@ -183,6 +184,11 @@ def best_step(x: np.ndarray, here: Linearisation, curvature: np.ndarray, radius:
         Quadratic term of all goals.
     radius : float
         Largest change of a variable.
+
+    Returns
+    -------
+    Step
+        The step, its predicted improvement, and its multipliers.
     """
     from scipy.optimize import minimize
 

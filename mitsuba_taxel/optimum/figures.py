@@ -126,17 +126,17 @@ def _both_signs(values: np.ndarray) -> np.ndarray:
 
 
 def sensitivity(responses: DesignResponses, along: str) -> np.ndarray:
-    """Magnitude of each taxel's mean slope."""
+    """Sensitivity of each taxel, (T,): magnitude of the mean slope of its reading between the ends of a line."""
     return _magnitude(responses.slopes(along))
 
 
 def relative_sensitivity(responses: DesignResponses, along: str) -> np.ndarray:
-    """Magnitude of each taxel's mean slope, relative to its first reading."""
+    """Relative sensitivity of each taxel, (T,): its sensitivity divided by its first reading."""
     return _magnitude(responses.slopes(along) / responses.readings(along)[0])
 
 
 def nonlinearity(responses: DesignResponses, along: str) -> np.ndarray:
-    """Distance of each reading from the straight line between the ends, relative to the taxel's largest change.
+    """Nonlinearity: distance of each reading from the line between the ends, over the taxel's largest change.
 
     Equation 7 of the paper on which this program is based.
     """
@@ -148,7 +148,7 @@ def nonlinearity(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def cross_talk(responses: DesignResponses, along: str, taxel: int) -> np.ndarray:
-    """Relative change of the reading of each unloaded taxel, divided by that of the loaded taxel."""
+    """Cross-talk: relative change of the reading of each unloaded taxel, divided by that of the loaded taxel."""
     readings = responses.readings(along)
     change = readings[-1] / readings[0] - 1
     return _both_signs(np.delete(change / change[taxel - 1], taxel - 1))
@@ -165,17 +165,17 @@ def cross_sensitivity(responses: DesignResponses, along: str, by: str) -> np.nda
 
 
 def rest(responses: DesignResponses, along: str) -> np.ndarray:
-    """First reading of each taxel."""
+    """Reading of each taxel, (T,), at the first load of a line, in W, or in V with a circuit."""
     return responses.readings(along)[0]
 
 
 def largest_reading(responses: DesignResponses, along: str) -> np.ndarray:
-    """All readings of all taxels."""
+    """All readings along a line, in W, or in V with a circuit; the largest of them counts."""
     return responses.readings(along).ravel()
 
 
 def saturation(responses: DesignResponses, along: str) -> np.ndarray:
-    """All voltages, relative to the voltage at which the circuit is saturated."""
+    """Saturation: all voltages along a line, relative to the voltage at which the circuit counts as saturated."""
     assert responses.circuit is not None
     return responses.readings(along).ravel() / responses.circuit.limit
 
@@ -200,7 +200,7 @@ def _ends(responses: DesignResponses, along: str) -> tuple[np.ndarray, np.ndarra
 
 
 def clearance(responses: DesignResponses, along: str) -> np.ndarray:
-    """Least distance between cells and packages at each load."""
+    """Clearance, (K,): least distance between cells and packages in mm at each of K loads."""
     return responses.lines[along].clearance
 
 
@@ -228,7 +228,7 @@ def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def noise_equivalent_force(responses: DesignResponses, along: str, noise: float | None = None) -> np.ndarray:
-    """Noise of each reading as a force: the noise divided by the mean slope of its taxel."""
+    """Noise-equivalent force: the noise of each reading, divided by the mean slope of its taxel."""
     return (responses.noise(along, noise) / _magnitude(responses.slopes(along))).ravel()
 
 
@@ -256,22 +256,22 @@ def largest_strain(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def least_wall(responses: DesignResponses) -> np.ndarray:
-    """Thicknesses between cells, around the outer ones, and above them."""
+    """Thicknesses of silicone in mm: between cells, around the outer cells, and above the cells."""
     return responses.shape["least_wall"]
 
 
 def draft_angle(responses: DesignResponses) -> np.ndarray:
-    """Angles by which walls of cells lean inwards from the vertical."""
+    """Draft angles in degrees, by which the walls of cells lean inwards from the vertical."""
     return responses.shape["draft_angle"]
 
 
 def least_radius(responses: DesignResponses) -> np.ndarray:
-    """Radii of curvature of roofs along their meridian."""
+    """Radii of curvature of roofs along their meridian, in mm."""
     return responses.shape["least_radius"]
 
 
 def view_angle(responses: DesignResponses) -> np.ndarray:
-    """Angles between roofs and rays from the middle of the cell's opening."""
+    """View angles in degrees: between a roof and rays to it from the middle of the cell's opening."""
     return responses.shape["view_angle"]
 
 

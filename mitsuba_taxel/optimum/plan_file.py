@@ -31,7 +31,7 @@ AT_REST = ""
 
 
 def read_plan(file: Path) -> Plan:
-    """Read the definition of an optimisation from a study file with a table ``[optimise]``.
+    """Read the definition of an optimisation from a study file (TOML) with a table ``[optimise]``.
 
     Raises
     ------

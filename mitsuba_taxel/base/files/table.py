@@ -55,8 +55,8 @@ class Column:
     heading : str
         Heading in the file.
     name, unit : str
-        Heading without its unit, and the unit, a key of `UNITS`, from the heading or a line of units; empty without a
-        unit.
+        Heading without its unit, and the unit, as a key of `UNITS`. The unit is from the heading or from a line of
+        units; it is empty if there is none.
     words : tuple[str, ...]
         Entries, with decimal commas replaced by points.
     """

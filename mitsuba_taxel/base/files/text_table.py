@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterable, Sequence
 
 UNLIMITED = 10_000
-"""Width of lines, in characters, above which no line is; with it, lines are not folded."""
+"""A width in characters that no line exceeds, so that lines are not folded."""
 
 
 def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], width: int | None = None) -> str:

@@ -50,7 +50,7 @@ def deferred_signals() -> Iterator[None]:
 
 
 def memory_limit(most: int, kind: str = "AS") -> int:
-    """Limit of memory for a new process, which does not exceed the limit of this process.
+    """The lower of a requested memory limit and the memory limit of this process, for a new process.
 
     Parameters
     ----------

@@ -149,7 +149,7 @@ class _StepCurve:
                 fractions = (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
                 forces = (start + fractions * (stop - start)).tolist()
                 if count == COUNTS[0] and batch.target_slope and not batch.points:
-                    pilot.points_for(forces, target)  # reads as much as shows the bends of the curve
+                    pilot.points_for(forces, target)  # as many points as show whether the steps resolve the curve
                 _, fit, is_bent = pilot.errors(forces, max(pilot.points, FIRST_PILOT))
                 if fit <= target / 2 or not is_bent:
                     break

@@ -186,7 +186,8 @@ def _notes(results: Mapping[Index, StoredResult]) -> list[str]:
     errors = [error for result in results.values() for error in result.readings.roof_errors]
     points = [result.readings.points for result in results.values()]
     few = sum(count < max(points) for count in points)
-    if few and min(points):  # 0 is light without random numbers, beside which scenes with mirrors have their own points
+    # 0 points are light without random numbers; other scenes of such a study, with mirrors, choose their own points.
+    if few and min(points):
         remarks.append(f"{few} of {len(results)} scenes have fewer points: the same command computes the rest")
     computed = not errors or any(result.readings.deviation is not None for result in results.values())
     remarks += stretch_notes(largest_stretches(result.readings.exceeded_limits for result in results.values()))
