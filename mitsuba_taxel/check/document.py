@@ -196,7 +196,7 @@ class _Reader:
         line, offset = self.parser.CurrentLineNumber, self.parser.CurrentByteIndex
         element = Element(tag, attributes, self.path, line, offset)
         if len(self.open) >= DEEPEST:
-            raise Unreadable(element.finding("error", f"elements are nested more than {DEEPEST} deep."))
+            raise Unreadable(element.finding("error", f"elements are nested more than {DEEPEST} deep: nest fewer."))
         if self.open:
             self.open[-1].children.append(element)
         else:

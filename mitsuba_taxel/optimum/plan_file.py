@@ -45,7 +45,7 @@ def read_plan(file: Path) -> Plan:
         raise InputError(f"study {file.name} has nothing to optimise: a table [optimise.variables] is needed.")
     for name in [*content, *scene]:
         if name not in (*READ_KEYS, "circuit", "scene", "define"):
-            raise InputError(f"{name} is not allowed beside [optimise].")
+            raise InputError(f"{name} is not allowed beside [optimise]: take it out.")
     for name in table:
         if name not in KEYS:
             raise InputError(f"optimise: {name} is not known: allowed are {', '.join(KEYS)}.")

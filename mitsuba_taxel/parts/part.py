@@ -201,7 +201,9 @@ def _check_sources(name: str, content: Mapping[str, Any]) -> None:
     for key in content.get("sources", {}):
         table, _, entry = key.rpartition(".")
         if entry not in (content.get(table, {}) if table else content):
-            raise InputError(f"part {name}: sources has {key}, which the file does not contain.")
+            raise InputError(
+                f"part {name}: sources has {key}, which the file does not contain: add it, or take its source out."
+            )
 
 
 def _side(name: str, role: str, content: Mapping[str, Any]) -> Side:

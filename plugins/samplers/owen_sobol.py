@@ -61,7 +61,9 @@ class OwenSobol(mi.Sampler):
         if first_point % self.count:
             raise InputError(f"first_point = {first_point} is not allowed: a multiple of {self.count} is needed.")
         if first_point + self.count > MOST_POINTS:
-            raise InputError(f"owen_sobol: {first_point + self.count} points are more than the {MOST_POINTS} it has.")
+            raise InputError(
+                f"owen_sobol: {first_point + self.count} points are not allowed: at most {MOST_POINTS} are possible."
+            )
         self.first = (first_point, first_sequence)
 
     def seed(self, seed: mi.UInt32 | int, wavefront_size: int = 0xFFFFFFFF) -> None:

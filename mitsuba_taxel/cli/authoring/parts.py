@@ -37,9 +37,9 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
 
     if name is None:
         if file is not None:
-            raise click.UsageError("-o is not allowed without a part.")
+            raise click.UsageError("-o is not allowed without a part: name one.")
         if height is not None:
-            raise click.UsageError("--edges is not allowed without a part.")
+            raise click.UsageError("--edges is not allowed without a part: name one.")
         parts = [read_part(name) for name in part_names()]
         if as_json:
             print_json([{"name": part.name, "title": part.title, "source": part.source} for part in parts])

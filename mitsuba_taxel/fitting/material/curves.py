@@ -173,7 +173,10 @@ def _unit_of(table: Table, column: Column) -> tuple[str, float | None]:
         kind, factor = UNITS[column.unit]
         return kind, float(factor)
     if bracket:
-        raise InputError(f"{table.what}, column {column.heading}: the unit {bracket[1]!r} is not known.")
+        raise InputError(
+            f"{table.what}, column {column.heading}: the unit {bracket[1]!r} is not known: %, mm, N, MPa, kPa or psi, "
+            "for example, is needed."
+        )
     return "", None
 
 

@@ -97,7 +97,9 @@ class Store:
         try:
             lock.acquire(timeout=0)
         except Timeout:
-            raise InputError(f"output folder {self.folder} is in use by another run.") from None
+            raise InputError(
+                f"output folder {self.folder} is in use by another run: wait for its end, or choose another folder."
+            ) from None
         try:
             self._begin(content, scene)
             self._note_run(workers, processes)
@@ -125,7 +127,9 @@ class Store:
         self._finish_growing()
         if not (self.folder / STUDY).exists():
             if any(not file.name.startswith(".") and file.name != SCENE for file in self.folder.iterdir()):
-                raise InputError(f"output folder {self.folder} is not empty: results of two studies would mix.")
+                raise InputError(
+                    f"output folder {self.folder} is not empty: results of two studies would mix; choose an empty one."
+                )
             write_text(self.folder / STUDY, HEADING + tomli_w.dumps(content))
 
         # Another study is refused, unless it extends the stored one or that has no results.
@@ -446,5 +450,7 @@ def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:
     """
     make_folder(folder)
     if any(folder.iterdir()) and not (folder / STUDY).exists():
-        raise InputError(f"output folder {folder} is not empty: results of two studies would mix.")
+        raise InputError(
+            f"output folder {folder} is not empty: results of two studies would mix; choose an empty folder."
+        )
     write_text(folder / STUDY, HEADING + tomli_w.dumps(study))

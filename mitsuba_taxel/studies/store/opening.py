@@ -142,7 +142,10 @@ def read_results(folder: Path) -> dict[str, Any]:
                 tables.append(None)
         words = [word for table in tables for word in (table.values() if isinstance(table, dict) else [None])]
         if not (all(isinstance(word, str) for word in (*words, scene)) and "seed" in study):
-            raise InputError(f"study {folder} holds no results: its {STUDY} lacks scene, seed or provenance.")
+            raise InputError(
+                f"study {folder} holds no results: its {STUDY} lacks scene, seed or provenance; the output folder of a "
+                "study is needed."
+            )
         try:
             check_request(study.get("target_error"), study.get("points"), study["seed"], study.get("time_budget"))
             check_target_slope(study.get("target_slope"))
