@@ -139,7 +139,7 @@ def energy_audit(
     pairs = taxels_of(ready.scene)
     emitted = sum(pair.count * pair.led.power[0] for pair in pairs)
     if not emitted > 0:
-        raise InputError("the scene has no annular_led with a power above 0: there is no light to account for.")
+        raise InputError("the scene has no annular_led with a power above 0: add one, or raise its power.")
     limit = getattr(ready.integrator, "max_depth", -1)
     limit = MOST_REFLECTIONS if limit < 0 else limit
     surfaces = _Surfaces(ready.scene)

@@ -184,12 +184,12 @@ def _camera_of(scene: mi.Scene) -> mi.Sensor:
     integrator = scene.integrator()
     if integrator is None or traces_taxels(integrator):
         raise InputError(
-            f"integrator {kind_of(integrator)} reads phototransistors: one of Mitsuba's own, such as path, is needed "
-            "for a camera.",
+            f"integrator {kind_of(integrator)} reads phototransistors, and makes no image of a camera: use one of "
+            "Mitsuba's own, such as path.",
             integrator,
         )
     if integrator.aov_names():
-        raise InputError(f"integrator {kind_of(integrator)} is not allowed: its image has other channels.")
+        raise InputError(f"integrator {kind_of(integrator)} is not allowed: it renders no colours; use path.")
     if not scene.emitters():
         raise InputError("the scene holds no light: at least one emitter is needed.")
     for emitter in filter(is_led, scene.emitters()):
@@ -206,7 +206,7 @@ def _refuse_large(camera: mi.Sensor) -> None:
     if needed > free:
         raise InputError(
             f"width = {width}, height = {height} of the film are not allowed: the image needs "
-            f"{needed / 2**30:.3g} GiB, and {free / 2**30:.3g} GiB are free."
+            f"{needed / 2**30:.3g} GiB, and {free / 2**30:.3g} GiB are free. Make it smaller."
         )
 
 
@@ -287,8 +287,8 @@ def _depth(scene: mi.Scene, camera: mi.Sensor) -> tuple[np.ndarray, np.ndarray]:
         raise InputError("the camera sees nothing of the pad: turn it towards the pad, or take away what hides it.")
     if not on_coat.any():
         raise InputError(
-            "the camera does not see the coat, the top of the pad from inside: the window, region bottom, needs the "
-            "BSDF null."
+            "the camera does not see the coat (the top of the pad, from inside): place the camera below the pad, and "
+            "give the window (region bottom) the BSDF null."
         )
     _, weight = hit.bsdf().sample(mi.BSDFContext(), hit, 0.5, mi.Point2f(0.5, 0.5), mi.Mask(on_coat))
     if not (np.array(dr.max(weight)) * on_coat > 0).any():

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.arguments import (
     check_flags,
     check_seed,
@@ -199,7 +200,10 @@ def measured(
     if continued is not None:
         require("continued", continued, Readings, "what measure returned")
     if continued is not None and (continued.seed != seed or continued.points < FIRST_POINTS or irradiance):
-        raise InputError("continued must be readings with the same seed, of 256 points or more, and without a map.")
+        raise InputError(
+            f"continued (seed = {continued.seed}, {continued.points} points) is not allowed: readings with seed = "
+            f"{seed} and at least {FIRST_POINTS} points are needed, and irradiance = False."
+        )
     clock = Clock(time_budget)
     changes = _changes(scene, derivatives)
 
@@ -293,7 +297,7 @@ def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
 
     scene = described(scene)
     if not isinstance(scene, Scene):
-        raise InputError("derivatives need the description of a scene: a Scene, a path or a name.")
+        raise InputError("derivatives need the description of a scene: pass a Scene, a path or a name.")
     return [rates(scene, name) for name in parameters]
 
 
@@ -401,13 +405,14 @@ def crosstalk(
     target_error, points, seed = map(plain_number, (target_error, points, seed))
     ready = prepare(scene)
     if not traces_taxels(ready.integrator):
-        raise InputError("crosstalk needs one of the integrators taxel_tracer, taxel_path and analog_tracer.")
+        kind = kind_of(ready.integrator)
+        raise InputError(f"integrator {kind} computes no crosstalk: use taxel_tracer, taxel_path or analog_tracer.")
     if points is None:
         points = points_for(ready, target_error or LIGHT_ERROR)
     count: int = points
     pairs = taxels_of(ready.scene)
     if len(pairs) > 1:
-        raise InputError("crosstalk needs all taxels in one photo_reflector.")
+        raise InputError(f"crosstalk needs all taxels in one photo_reflector; the scene has {len(pairs)}.")
     set_wavelength(ready.scene, [pairs[0].led])
 
     def traced() -> np.ndarray:
@@ -495,8 +500,8 @@ def check_request(
     """
     if time_budget is not None and len(derivatives):
         raise InputError(
-            "time_budget and derivatives (a force without a step has derivatives, too) exclude each other: the time of "
-            "derivatives cannot be limited."
+            "time_budget and derivatives (which sweeps over a force without a step use, too) exclude each other, as "
+            "the time of derivatives cannot be limited: leave one out."
         )
     if target_error is not None and points is not None:
         raise InputError("target_error and points exclude each other: give one of them.")

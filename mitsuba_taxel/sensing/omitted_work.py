@@ -64,14 +64,14 @@ def left_out(
     if not pads:
         lines.append("no pad: no mechanics imported, meshed or solved")
     elif began is not None and _all_kept_before(began):
-        lines.append("meshes and solutions kept on disk: nothing meshed or solved anew")
+        lines.append("meshes and solutions found in the disk cache: nothing meshed or solved again")
     pairs = taxels_of(scene)
     lines += [*_of_cells(pads, pairs), *_of_paths(ready, pairs)]
     taxels = sum(pair.count for pair in pairs)
     if traces_taxels(ready.integrator) and taxels > 1 and not crosstalk:
-        lines.append(f"no crosstalk asked for: {taxels} pairs of LED and phototransistor traced, not {taxels**2}")
+        lines.append(f"crosstalk not requested: {taxels} pairs of LED and phototransistor traced, not {taxels**2}")
     if not irradiance:
-        lines.append("no irradiance map asked for: none accumulated")
+        lines.append("irradiance map not requested: none accumulated")
     if mi.variant().endswith("_mono") or traces_taxels(ready.integrator):  # which traces the first only
         lines.append("one narrow band of wavelengths: one channel traced, not three")
     return list(dict.fromkeys(lines))
@@ -130,7 +130,7 @@ def _of_cells(pads: Sequence[PadShape], pairs: list[TaxelPair]) -> Iterator[str]
     total = sum(map(len, cells))
     coarse = sum(len(all_ - set(pad.read_cells or all_)) for pad, all_ in zip(pads, cells, strict=True))
     if coarse:
-        yield f"{coarse} of {total} cells not read: their surface not cut finely"
+        yield f"{coarse} of {total} cells not read: their walls divided into few triangles"
     middles = [_middle(pad, cell) for pad, all_ in zip(pads, cells, strict=True) for cell in sorted(all_)]
     leds = np.concatenate([np.array(pair.led.faces.centres).T for pair in pairs])
     if middles:
@@ -159,7 +159,7 @@ def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
     if _in_one_plane([corners for _, wall, corners in surfaces if not absorbs(wall)]):
         yield "all surfaces that reflect lie in one plane: paths end after one reflection"
     if all(pair.coplanar for pair in pairs):
-        yield "LED and phototransistor in one plane: no search for light straight from one to the other"
+        yield "LED and phototransistor in one plane: no direct light sampled between them"
     if guides_emission(integrator) and not has_mirrors(scene):
         yield "no mirror: no pilot run for emission guiding"
 

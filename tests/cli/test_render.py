@@ -15,7 +15,7 @@ HEAVY = {
 }  # fmt: skip
 NO_PAD = "no pad: no mechanics imported, meshed or solved"
 UNLOADED = "pad without load: meshed, nothing solved"
-KEPT = "meshes and solutions kept on disk: nothing meshed or solved anew"
+KEPT = "meshes and solutions found in the disk cache: nothing meshed or solved again"
 
 PAD = one_cell(mesh_size=1.6, integrator="taxel_tracer", fz=0)
 CYLINDER = one_cell(cell="cylindrical", mesh_size=1.7, scattering="$roof", fz=-0.5, roof="lambertian")
@@ -84,7 +84,7 @@ def test_reasons_follow_the_readings(taxel):
     _, _, matrix, reasons = done.stdout.split("\n\n")
     heading, *lines = reasons.splitlines()
     assert matrix.startswith("Crosstalk") and heading == "Left out of this scene:"
-    assert f"  {NO_PAD}" in lines and "  no irradiance map asked for: none accumulated" in lines
+    assert f"  {NO_PAD}" in lines and "  irradiance map not requested: none accumulated" in lines
 
 
 def test_a_map_is_not_left_out(taxel):

@@ -94,5 +94,5 @@ def test_a_prony_term_of_a_hold(taxel, tmp_path):
     answer = json.loads(done.stdout)
     assert [unknown["value"] for unknown in answer["unknowns"]] == pytest.approx([0.3, 5.0], rel=5e-3)
     *notes, last = answer["notes"]
-    assert len(notes) == 2 and all(note.endswith("(prony); vary the steps of the load.)") for note in notes)
+    assert len(notes) == 2 and all(note.endswith("(prony); sweep over the load instead.)") for note in notes)
     assert last.startswith("Errors leave out")

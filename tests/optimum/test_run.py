@@ -232,11 +232,11 @@ def test_a_run_that_was_ended_goes_on(tmp_path):
 @pytest.mark.parametrize(
     ("goal", "said"),
     [
-        ("first_contact", "first contact along z cannot be computed: it is not a load of a pad."),
+        ("first_contact", "first contact along z cannot be computed: it does not change the load of a pad."),
         (
             "range",
             "range along up cannot be computed without a table [circuit]: first contact along z cannot be computed: it "
-            "is not a load of a pad.",
+            "does not change the load of a pad.",
         ),
     ],
 )

@@ -31,5 +31,5 @@ def test_numbers_of_a_finish(llvm_mono, finish, name):
 
 
 def test_dimensions_of_rough_cells(llvm_mono):
-    reason = "cell_height has no derivative: the pad's cells have a finish, which does not follow; "
+    reason = "cell_height has no derivative: the pad's cells have a finish, which does not follow dimensions; "
     assert refusal(LayerSteps(0.2), "cell_height") == reason + ADVICE.format("cell_height")

@@ -95,8 +95,8 @@ def test_a_path_that_ends_before(unstable):
 @pytest.mark.parametrize(
     ("along", "last", "furthest", "said"),
     [
-        ("youngs_modulus", 4.0, 40.0, "along youngs_modulus cannot be computed: it is not a load of a pad"),
-        ("fz", -1.0, -100.0, "along fz cannot be computed: its values are not one load path"),
+        ("youngs_modulus", 4.0, 40.0, "along youngs_modulus cannot be computed: it does not change the load"),
+        ("fz", -1.0, -100.0, "along fz cannot be computed: its values do not lie on one load path"),
     ],
 )
 def test_what_is_no_line_of_a_path_is_refused(contact, along, last, furthest, said):

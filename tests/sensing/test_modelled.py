@@ -95,7 +95,7 @@ def _refused():
     yield "integrator aov", "aov", {"aovs": "dd:depth", "nested": {"type": "path"}}, "integrator aov does not"
     yield "integrator moment", "moment", {"nested": {"type": "path"}}, "integrator moment does not"
     for name in ("path", "volpath", "volpathmis"):
-        yield f"hidden emitters, {name}", name, {"hide_emitters": True}, "hide_emitters is not allowed"
+        yield f"hidden emitters, {name}", name, {"hide_emitters": True}, "hide_emitters = true is not allowed"
     mirror, mixed = {"type": "wall", "scattering": "mirror"}, {"specular": 0.5, "lambertian": 0.5}
     yield "a mirror, ptracer", "ptracer", {"wall": mirror}, "sees no light via mirrors"
     yield "half a mirror, ptracer", "ptracer", {"wall": {**mirror, "scattering": "mixed", **mixed}}, "via mirrors"

@@ -168,7 +168,7 @@ def test_a_tolerance_of_the_mesh_takes_solutions():
 
 def test_cells_that_nothing_reads(llvm_mono):
     middle, last = (0, 0), (3.55, 0)
-    coarse, dark = "of 3 cells not read: their surface not cut finely", "of 3 cells: no path starts there"
+    coarse, dark = "of 3 cells not read: their walls divided into few triangles", "of 3 cells: no path starts there"
     lines = said(pad_scene([middle], read_cells="2"))
     assert f"2 {coarse}" in lines and f"no photo-reflector in 2 {dark}" in lines
     lines = said(pad_scene([middle, last], read_cells="1, 3"))
@@ -195,7 +195,7 @@ def test_a_finish_is_not_left_out(llvm_mono):
 
 def test_kept_solutions_are_said_once_nothing_is_computed(llvm_mono, tmp_path, monkeypatch):
     monkeypatch.setenv("MITSUBA_TAXEL_CACHE", str(tmp_path))
-    kept = "meshes and solutions kept on disk: nothing meshed or solved anew"
+    kept = "meshes and solutions found in the disk cache: nothing meshed or solved again"
     scene = pad_scene(columns=1, height=4.613)
     began = time.time() - 1  # the file system's clock may be a little behind
     ready = prepare(scene)
@@ -238,8 +238,8 @@ def test_pilot_runs_are_those_that_the_tracer_makes(llvm_mono, monkeypatch, scat
 
 def test_what_is_asked_for_is_not_left_out(llvm_mono):
     scene = prepare(pad_scene([(0, 0), (3.55, 0)]))
-    crosstalk = "no crosstalk asked for: 2 pairs of LED and phototransistor traced, not 4"
-    image, band = "no irradiance map asked for: none accumulated", "one narrow band of wavelengths"
+    crosstalk = "crosstalk not requested: 2 pairs of LED and phototransistor traced, not 4"
+    image, band = "irradiance map not requested: none accumulated", "one narrow band of wavelengths"
     lines = said(scene)
     assert crosstalk in lines and image in lines and has(lines, band)
     lines = said(scene, irradiance=True, crosstalk=True)

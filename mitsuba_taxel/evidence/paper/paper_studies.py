@@ -62,7 +62,7 @@ class PaperStudies:
         if file.is_file():
             stored = read_netcdf(file)
             if stored.attrs["request"] != request_text:
-                raise InputError(f"{file} belongs to a study with other settings: a new folder is needed.")
+                raise InputError(f"{file} is of a study with other settings: use a new folder, or delete the file.")
             return stored
         if self.announce is None:
             raise MissingStudy(name)

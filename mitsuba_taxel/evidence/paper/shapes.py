@@ -63,7 +63,7 @@ def compute_shapes(
                 add_seconds(seconds, future.result())
                 advance(cell)
     except BrokenProcessPool as error:
-        raise ComputationError("a process that computed a shape died: fewer workers need less memory.") from error
+        raise ComputationError("a worker process died, probably for lack of memory: use fewer workers.") from error
     finally:
         processes.end(executor)
     return seconds

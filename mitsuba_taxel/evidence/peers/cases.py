@@ -40,7 +40,7 @@ class PeerCase:
     def require_ideal(self) -> None:
         """Raise `UnsupportedCase` if the phototransistor is not ideal, for programs without angular responses."""
         if self.exponent != 1:
-            raise UnsupportedCase("the phototransistor's angular response was not modelled for it")
+            raise UnsupportedCase("its angular responses are not set up for this comparison")
 
     @property
     def single_bounce(self) -> bool:
@@ -52,7 +52,7 @@ class PeerCase:
         implemented for this program."""
         self.require_ideal()
         if not self.single_bounce:
-            raise UnsupportedCase("the pad's mesh with its region-wise walls was not modelled for it")
+            raise UnsupportedCase("meshes with a wall for each region are not set up for this comparison")
         return float(self.parameters["z"]), float(self.parameters["spacing"])
 
     @property

@@ -132,7 +132,8 @@ class _Linearised:
         hidden = np.array([occluded[number] for number in representative])[:, None]
         if hidden.max() > MOST_HIDDEN:
             raise NotFollowed(
-                f"derivatives are not available: {hidden.max():.1%} of a reading comes along paths that walls block."
+                f"derivatives are not available: walls occlude {hidden.max():.1%} of the light of a reading; at most "
+                f"{MOST_HIDDEN:.1%} is allowed."
             )
         scale = np.array([_scale(change, self.cells.pad.value) for change in changes])
         blocked = 2 * hidden * reading / np.where(scale > 0, scale, np.inf)

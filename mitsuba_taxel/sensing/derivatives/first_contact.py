@@ -60,7 +60,7 @@ def why_no_contact(scene: Scene, along: str) -> str | None:
     except InputError as reason:
         return str(reason)
     if not change.any():
-        return f"first contact along {along} cannot be computed: it is not a load of a pad."
+        return f"first contact along {along} cannot be computed: it does not change the load of a pad."
     config = parser_config(activate_variant())
     with scene.files_beside_it():
         nodes = [node.props for node in scene.parsed(config).nodes]
@@ -68,7 +68,10 @@ def why_no_contact(scene: Scene, along: str) -> str | None:
     if why := Load.named(pad.load).why_no_first_contact(change):
         return f"first contact along {along} cannot be computed: {why}."
     if not _on_one_path(np.array(pad.load_value), change):
-        return f"first contact along {along} cannot be computed: its values are not one load path."
+        return (
+            f"first contact along {along} cannot be computed: its values do not lie on one load path (a normal load "
+            "without tangential components, or tangential components along a fixed direction)."
+        )
     return None
 
 

@@ -42,7 +42,10 @@ class Instability:
     def _stiffening(self, change: Rates) -> float:
         """Derivative of the stiffness of the softest mode with respect to a parameter, by a central difference."""
         if change.place.any():
-            raise InputError(f"the load at which the pad becomes unstable has no derivative by {change.name}.")
+            raise InputError(
+                f"the load at which the pad becomes unstable has no derivative with respect to {change.name}: leave it "
+                "out."
+            )
         nodal, state = self._linear.nodal(change), self._state
         largest = float(np.linalg.norm(nodal.displacement + nodal.velocity, axis=1).max())
         if not largest:

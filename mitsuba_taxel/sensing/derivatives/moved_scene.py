@@ -93,7 +93,7 @@ class MovedScene:
         self._pad = next(iter(deformed_pads(ready.scene)), None)
         if change.pad and self._pad is not None and self._pad.finish is not None:
             raise InputError(
-                f"{change.name} has no derivative: the pad's cells have a finish, which does not follow; "
+                f"{change.name} has no derivative: the pad's cells have a finish, which does not follow dimensions; "
                 f"{instead_of_derivative(change.name)}."
             )
         self._moved: tuple[float, Any] = 0.0, ready.scene

@@ -185,7 +185,10 @@ def _parameter(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Para
         )
     if len(nodes) > 1:
         plugins = ", ".join(sorted({plugin for _, plugin, _, _ in nodes}))
-        raise InputError(f"{name} stands for {len(nodes)} parameters of the scene, of {plugins}: give it a <default>.")
+        raise InputError(
+            f"{name} is ambiguous: {len(nodes)} objects of the scene ({plugins}) have a parameter of this name; "
+            "replace it by a <default>."
+        )
     ((number, _, unit, value),) = nodes
 
     def parsed_with(changed: float) -> mi.parser.ParserState:
@@ -329,12 +332,12 @@ def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
     if not pads:
         return None
     if len(pads) > 1:
-        raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads; allowed is one.")
+        raise InputError(f"derivatives are not available: the scene holds {len(pads)} deformable pads; one is allowed.")
     pad = DeformablePad.read(pads[0])
     if pad.build_prony():
-        raise InputError("derivatives are not available: the pad is viscoelastic (prony); vary the steps of the load.")
+        raise InputError("derivatives are not available: the pad is viscoelastic (prony); sweep over the load instead.")
     if pad.friction:
-        raise InputError("derivatives are not available: the indenter has friction; steps of the load are needed.")
+        raise InputError("derivatives are not available: the indenter has friction; sweep over the load instead.")
     return pad
 
 

@@ -59,7 +59,7 @@ def refuse_unmodelled(scene: mi.Scene, integrator: mi.Integrator) -> None:
             integrator,
         )
     if getattr(integrator, "hide_emitters", False):
-        raise InputError("hide_emitters is not allowed: light that goes straight to a sensor counts.", integrator)
+        raise InputError("hide_emitters = true is not allowed: direct light counts; set it to false.", integrator)
     _refuse_blocks(scene)
     _refuse_instances(scene)
     _refuse_walls_without_area(scene)
