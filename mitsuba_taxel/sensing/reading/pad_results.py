@@ -120,6 +120,44 @@ REACTION_RESULTS: list[ReactionResult] = [
     ),
 ]
 """All results of forces; they exist if a scene has one pad, which a bonded plate or an indenter loads."""
+
+
+def _plate_motion(attribute: str, axis: int) -> Callable[[State, bool], Estimate]:
+    """The component of a plate's displacement or rotation along an axis."""
+
+    def of(state: State, with_error: bool) -> Estimate:
+        from mitsuba_taxel.mechanics.results.plate_motion import plate_motion
+
+        motion = plate_motion(state)
+        value = float(getattr(motion, attribute)[axis])
+        if not with_error or not state.displacement.any():
+            return Estimate(value, math.nan if state.displacement.any() else 0.0)
+        return Estimate(value, float(motion.errors()[attribute == "rotation"][axis]))
+
+    return of
+
+
+PLATE_RESULTS = [
+    *(
+        PadResult(
+            f"plate_u{axis}",
+            "mm",
+            f"displacement of the point of the tilting plate on which the force acts, along {axis}",
+            _plate_motion("displacement", number),
+        )
+        for number, axis in enumerate("xyz")
+    ),
+    *(
+        PadResult(
+            f"plate_r{axis}",
+            "degrees",
+            f"component of the tilting plate's rotation vector (axis times angle) along {axis}",
+            _plate_motion("rotation", number),
+        )
+        for number, axis in enumerate("xyz")
+    ),
+]
+"""All results of the motion of a plate; they exist if a scene has one pad, whose plate tilts."""
 PAD_RESULTS = [
     PadResult(
         "largest_strain",
@@ -136,6 +174,9 @@ def pad_results(states: Sequence[State], with_errors: bool = True) -> dict[str, 
     if not states:
         return {}
     results = {result.name: max(result.of(state, with_errors) for state in states) for result in PAD_RESULTS}
+    load = getattr(states[0], "load", None)
+    if len(states) == 1 and load is not None and load.tilts:
+        results |= {result.name: result.of(states[0], with_errors) for result in PLATE_RESULTS}
     return {**results, **_reaction_results(states, with_errors)}
 
 

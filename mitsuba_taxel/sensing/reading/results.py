@@ -14,7 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mitsuba_taxel.sensing.reading.pad_results import PAD_RESULTS, REACTION_RESULTS, PadResult, ReactionResult
+from mitsuba_taxel.sensing.reading.pad_results import (
+    PAD_RESULTS,
+    PLATE_RESULTS,
+    REACTION_RESULTS,
+    PadResult,
+    ReactionResult,
+)
 from mitsuba_taxel.sensing.reading.readings import Readings
 
 TAXEL, PARAMETER = "taxel", "parameter"
@@ -78,7 +84,7 @@ def _contact_rates(readings: Readings) -> Any:
     return None if readings.contact is None or not len(readings.contact.rates) else readings.contact.rates
 
 
-_ALL_OF_PADS: tuple[PadResult | ReactionResult, ...] = (*PAD_RESULTS, *REACTION_RESULTS)
+_ALL_OF_PADS: tuple[PadResult | ReactionResult, ...] = (*PAD_RESULTS, *PLATE_RESULTS, *REACTION_RESULTS)
 
 RESULTS: tuple[Result, ...] = (
     Result("power", "W", "optical power", (TAXEL,), lambda readings: readings.power),
