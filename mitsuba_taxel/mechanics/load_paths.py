@@ -202,6 +202,8 @@ def state_at_rest(
 ) -> State:
     """The unloaded pad on the elements of the last state of :func:`load_path`.
 
+    A pad whose last state does not fit into memory is refused before it is meshed.
+
     Parameters
     ----------
     pad : AnyPad
@@ -225,7 +227,9 @@ def state_at_rest(
     rows = _checked(values, load)
     history, law = timed_rows(material, load, rows, times), remembering(material).law
     with lock_of(pad):
-        path = pad_path(pad, law, load, chosen_size(pad, law, load, mesh_size, mesh_tolerance))
+        size = chosen_size(pad, law, load, mesh_size, mesh_tolerance)
+        refuse_too_large(pad, size, load, rows)
+        path = pad_path(pad, law, load, size)
         with memory_for(f"a pad of finite elements of {path.mesh_size:.3g} mm"):
             zero = np.zeros(load.components)
             if history:

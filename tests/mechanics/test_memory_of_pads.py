@@ -16,6 +16,7 @@ from mitsuba_taxel.mechanics import (
     load_path,
     load_paths,
     memory_of_pads,
+    state_at_rest,
 )
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.memory_of_pads import refuse_too_large, symmetric_parts
@@ -71,12 +72,14 @@ def test_unknowns_are_told_from_few_cells(cell, size, rows, columns, free):
     assert needed / memory_of_pads.BYTES == pytest.approx(unknowns, rel=0.15)
 
 
-def test_a_pad_that_does_not_fit_is_not_meshed(monkeypatch, free):
+@pytest.mark.parametrize("solve", [load_path, state_at_rest])
+def test_a_pad_that_does_not_fit_is_not_meshed(solve, monkeypatch, free):
+    """Nor at rest, where a scene begins."""
     meshed = []
     monkeypatch.setattr(load_paths, "pad_path", lambda *arguments, **more: meshed.append(arguments))
     free(0.5)
     with pytest.raises(ComputationError, match=r"enough memory for 30 x 30 cells .* would fit\.$") as refused:
-        load_path(Pad(rows=30, columns=30), NeoHookean(), NORMAL)
+        solve(Pad(rows=30, columns=30), NeoHookean(), NORMAL)
     assert not meshed and "\n" not in str(refused.value)
     rows, columns = map(int, re.search(r"rows = (\d+), columns = (\d+)", str(refused.value)).groups())
     assert 4 < rows == columns < 30
