@@ -62,7 +62,7 @@ def test_h5py_and_xarray_read_groups_with_units(tmp_path):
             np.testing.assert_array_equal(file[f"{name}/power"][:], table[["power_1_W", "power_2_W"]])
             np.testing.assert_array_equal(file[f"{name}/fz"][:], table["fz_N"])
             assert file[f"{name}/cell"].asstr()[:].tolist() == table["cell"].tolist()
-    tree = xr.load_datatree(tmp_path / "set" / "dataset.h5", engine="h5netcdf")
+    tree = xr.open_datatree(tmp_path / "set" / "dataset.h5", engine="h5netcdf").load()
     train = tree["train"].to_dataset()
     assert set(train["copy"].values) == {0, 1} and set(train["path"].values) == set(range(6))
     # A path is one place and one cell, and noise is 0.5 % of the closed form.
@@ -76,7 +76,7 @@ def test_voltages_are_in_it(tmp_path):
     pytest.importorskip("h5netcdf")
     volts = with_volts(study(), Circuit(supply=5.0, load_resistance=5e3, transfer=1.0, adc_bits=12))
     tables = training_set(volts, tmp_path / "set", hdf5=True, lerobot=True)
-    tree = xr.load_datatree(tmp_path / "set" / "dataset.h5", engine="h5netcdf")
+    tree = xr.open_datatree(tmp_path / "set" / "dataset.h5", engine="h5netcdf").load()
     assert tree["test/voltage"].attrs["units"] == "V"
     np.testing.assert_array_equal(tree["test/counts"], tables["test"][["counts_1", "counts_2"]])
     info = json.loads((tmp_path / "set" / "lerobot" / "meta" / "info.json").read_text())
