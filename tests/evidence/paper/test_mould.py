@@ -156,9 +156,9 @@ def test_the_misfit_is_the_typical_factor_between_ratios(factors, expected):
 @pytest.mark.parametrize(
     ("factor", "rise", "more", "words"),
     [
-        (1.5, 0, "2 more", "does not hold by this model"),
+        (1.5, 0, "2 more", "does not hold in this model"),
         (0.2, 6, "0 more", "holds"),
-        (1.01, 0.1, "0 more", "does not hold by this model"),
+        (1.01, 0.1, "0 more", "does not hold in this model"),
     ],
 )
 def test_the_judgement_follows_the_effect_of_steps(factor, rise, more, words):
@@ -171,7 +171,7 @@ def test_the_judgement_follows_the_effect_of_steps(factor, rise, more, words):
     assert f"steps make round cells less sensitive.** This {words}. " in text and more in text
     effects = list(_effects_of_steps(figures))
     assert [row["linearity"] for row in effects] == 2 * ["less" if rise > 1 else "not resolved"]
-    assert "smooth, roof white, Lambertian 0.9, sides 0%* comes nearest" in text or factor == 0.2
+    assert "smooth, roof white, Lambertian 0.9, sides 0%* is closest" in text or factor == 0.2
 
 
 def test_the_rows_of_the_page_are_kept_in_full(tmp_path):

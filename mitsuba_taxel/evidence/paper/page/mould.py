@@ -1,4 +1,4 @@
-"""The page of printed moulds: sensitivities of the experiments' pads with steps, beside what was measured."""
+"""The page of printed moulds: computed sensitivities of the experiments' pads, compared with measured ones."""
 
 from __future__ import annotations
 
@@ -53,20 +53,27 @@ comparison in the text comes from the runs.
 
 """
 _ABOUT = """\
-The paper's round cells are four to five times less sensitive than its flat ones, and less linear, where its simulation
-has the same order for all. It supposes that this is due to the steps of printed moulds, and to walls that
-neither reflect nor absorb completely. Here one factor at a time is changed around smooth moulds, white roofs
-(Lambertian, reflectance 0.9, which is assumed) and black sides that absorb all light; some rows combine extremes.
-Layers of printed moulds lie along z (upright) or x. All factors are computed for one cell under a twelfth of the normal
-force of the experiments, 0 to 10 N, and those that tell most for the pads of the experiments, of 6 x 2 cells, also
-under 0 to 4 N along x or y at 10 N. Forces are spread over the top. Slopes are mean slopes in µW per N on a whole pad,
-for 1 W per LED, of the least and the most sensitive taxel, positive where the reading rises with compression; of one
-cell they are a twelfth of its own. Nonlinearity (equation 7) and tangential slopes are those of the most sensitive
-taxel; "<" stands before the value plus two errors where it is not above two. A flat roof has no steps in an upright
-print, so the smooth rows of flat cells stand for all heights of layers. Pad and normal force are symmetric about y =
-0, so six taxels stand for twelve. Errors are one standard deviation, of light ({paths} paths a reading, whose
-differences go through material points), finite elements of {mesh:g} mm and surfaces. {done} of {total} rows of the
-design are computed, and {more} of {others} other combinations for whole pads."""
+In the paper's experiments, round cells (spherical and hemispheric) are four to five times less sensitive than flat ones
+(parallelepiped), and less linear. In its simulation, all have sensitivities of the same order. The paper supposes that
+the difference is due to the layer steps of printed moulds, and to walls that neither reflect nor absorb completely.
+
+This page tests that supposition. The reference is a smooth mould, white roofs (Lambertian, with an assumed reflectance
+of 0.9) and black sides that absorb all light. One factor at a time is changed; some rows combine extremes. The layers
+of printed moulds are stacked along z (upright) or x. All factors are computed for one cell, under a twelfth of the
+normal force of the experiments (0 to 10 N). The factors with the largest effects are also computed for the pads of the
+experiments, with 6 x 2 cells, and there also under 0 to 4 N along x or y at a normal force of 10 N. Forces are spread
+over the top.
+
+*Slopes* are mean slopes in µW per N on a whole pad, for 1 W per LED. They are positive where the reading rises with
+compression. Whole pads have the slopes of the least and the most sensitive taxel; slopes of one cell are divided by
+twelve. *Nonlinearity* (equation 7) and tangential slopes are those of the most sensitive taxel. A nonlinearity below
+two errors is shown as "<" and the value plus two errors. A flat roof has no steps in an upright print, so the smooth
+rows of flat cells stand for all layer heights. Pad and normal force are symmetric about y = 0, so six taxels stand for
+twelve.
+
+Errors are one standard deviation, due to light ({paths} paths for each reading; differences of readings use paths
+through the same material points), finite elements of {mesh:g} mm, and triangles. {done} of {total} planned rows are
+computed, and {more} of {others} other combinations for whole pads."""
 
 
 def write_moulds(studies: Moulds, docs: Path, command: str) -> Path:
@@ -92,7 +99,8 @@ def page_of(figures: Figures, command: str) -> str:
         more=sum(wall in figures for wall in others),
         others=len(others),
     )
-    parts = [_HEAD.format(command=command) + paragraph(about.replace("\n", " "))]
+    paragraphs = (paragraph(text.replace("\n", " ")) for text in about.split("\n\n"))
+    parts = [_HEAD.format(command=command) + "\n\n".join(paragraphs)]
     tables = {
         "## Walls of one cell\n": _chosen(figures, CELL, changed=False),
         "## Walls of whole pads\n": _chosen(figures, PAD, changed=False),
@@ -115,14 +123,17 @@ def _bullet(line: str) -> str:
 
 WALL_HEADS = ("shape", "pad", "mould", "roof", "sides")
 _EFFECTS = """\
-Steps compared with the smooth mould of the same roof and sides: change of the magnitude of the slope, and of the
-nonlinearity. The errors of both rows are taken as independent; their elements are the same, so they are rather smaller.
+The effect of steps: each row is the difference between a mould with steps and a smooth mould, with the same roof and
+sides. *Change of slope* is that of the magnitude of the slope; *sensitivity* and *linearity* state the direction if the
+change exceeds two errors. The errors of both moulds are assumed to be independent. The true errors are rather smaller,
+because both have the same elements.
 
 """
 _CHANGES = """\
 ## Other explanations
-Smooth moulds, white roofs and black sides, with another assembly. LEDs of other brightness need no row: they
-multiply all slopes of a taxel by the same factor, and change no nonlinearity. Thin paint is a row above.
+Smooth moulds, white roofs and black sides, with a different assembly or load. LEDs of different brightness need no row:
+they multiply all slopes of a taxel by the same factor, and do not change the nonlinearity. Thin paint is a row in the
+tables above.
 
 """
 
@@ -262,8 +273,9 @@ def _ratios(figures: Figures) -> str:
 
 
 _RATIOS = (
-    "Sensitivities of the most sensitive taxels relative to flat cells of the same walls, from a smooth mould. "
-    "*Misfit*: the typical factor by which the two ratios are off those measured. The nearest come first."
+    "Sensitivities of the most sensitive taxels, relative to those of flat cells with the same walls from a smooth "
+    "mould; nonlinearity e_nl in percent. *Misfit*: typical factor between the two computed ratios and the measured "
+    "ratios. Rows are sorted by misfit."
 )
 
 
@@ -298,12 +310,12 @@ def _nearest(figures: Figures) -> Iterator[str]:
             continue
         wall, row = min(settings, key=lambda item: misfit(item[1]))
         left = " and ".join(
-            f"{cell} cells have {with_error(*ratio(row[cell].most, row[FLAT].most))} of the sensitivity of flat ones, "
-            f"{measured_ratio(cell):.2f} on the bench"
+            f"{cell} cells have {with_error(*ratio(row[cell].most, row[FLAT].most))} of the sensitivity of flat cells "
+            f"({measured_ratio(cell):.2f} measured)"
             for cell in ROUND
         )
         yield (
-            f"Of {len(settings)} settings of {pad}, *{_setting_name(wall)}* comes nearest to the measured ratios of "
+            f"Of {len(settings)} settings of {pad}, *{_setting_name(wall)}* is closest to the measured ratios of "
             f"sensitivities, with a misfit of {misfit(row):.2f}: {left}."
         )
 
@@ -344,11 +356,11 @@ def _statement_on_steps(figures: Figures) -> Iterator[str]:
         return
     words = [_direction(*slope, "more", "less") for _, slope in pairs]
     partly = "holds in part" if "more" in words else "holds"
-    holds = partly if "less" in words else "does not hold by this model"
+    holds = partly if "less" in words else "does not hold in this model"
     yield (
         f"**The paper: steps make round cells less sensitive.** This {holds}. Of {len(pairs)} rows with steps, "
-        f"{words.count('less')} are less and {words.count('more')} more sensitive than the smooth mould by over "
-        f"{RESOLVED:g} errors; the others are not resolved."
+        f"{words.count('less')} are less sensitive than the smooth mould and {words.count('more')} more sensitive, by "
+        f"more than {RESOLVED:g} errors; the other differences are not resolved."
     )
     for cell in ROUND:
         factors = [
@@ -359,8 +371,8 @@ def _statement_on_steps(figures: Figures) -> Iterator[str]:
         ]
         if factors:
             yield (
-                f"On whole pads, steps multiply the sensitivity of {cell} cells by {' and '.join(factors)}. Compared "
-                f"with flat cells, that of the bench is {measured_ratio(cell):.2f}."
+                f"On whole pads, steps multiply the sensitivity of {cell} cells by {' and '.join(factors)}. The "
+                f"measured sensitivity is {measured_ratio(cell):.2f} of that of flat cells."
             )
 
 
@@ -377,9 +389,9 @@ def _statement_on_shapes(figures: Figures) -> Iterator[str]:
         along_x = paper.MEASURED_TANGENTIAL[cell][0] / paper.MEASURED_TANGENTIAL[FLAT][0]
         yield (
             f"**The paper: flat cells are the most sensitive, up to one order.** On whole pads, {cell} cells have "
-            f"{_range(values)} of their sensitivity to normal forces ({measured_ratio(cell):.2f} on the bench) and "
-            f"{_range(tangential)} of that to forces along x ({along_x:.2f}). The least sensitive taxel has "
-            f"{_range(spread)} of the sensitivity of the most sensitive one ({least / most:.2f})."
+            f"{_range(values)} of their sensitivity to normal forces ({measured_ratio(cell):.2f} measured), and "
+            f"{_range(tangential)} of that to forces along x ({along_x:.2f} measured). The least sensitive taxel has "
+            f"{_range(spread)} of the sensitivity of the most sensitive taxel ({least / most:.2f} measured)."
         )
 
 
@@ -395,7 +407,7 @@ def _statement_on_linearity(figures: Figures) -> Iterator[str]:
         if not whole:
             continue
         most, bench = max(map(bound, whole)), paper.MEASURED_NONLINEARITY[cell]
-        verdict = "so these walls do not explain it" if most < bench else "so it is not excluded"
+        verdict = "so these walls do not explain it" if most < bench else "so these walls may explain it"
         yield (
             f"**The paper: real walls make {cell} cells nonlinear.** In {len(whole)} rows of whole pads, nonlinearity "
             f"is at most {most:.2g} % (value plus {RESOLVED:g} errors); {bench:g} % was measured, {verdict}."
@@ -417,15 +429,15 @@ def _other_explanations(figures: Figures) -> Iterator[str]:
     verdict = "explain" if lowest[0] - RESOLVED * lowest[1] < measured_ratio(ROUND[0]) else "do not explain"
     yield (
         f"**Other explanations.** Of {len(settings)} assemblies of one cell, *{change or 'as designed'}* has the least "
-        f"sensitive spherical cells, with {with_error(*lowest)} of that of flat ones; {measured_ratio(ROUND[0]):.2f} "
-        f"were measured. Such packages and flanges {verdict} the insensitivity of spherical cells."
+        f"sensitive spherical cells, with {with_error(*lowest)} of the sensitivity of flat cells "
+        f"({measured_ratio(ROUND[0]):.2f} measured). These changes {verdict} the low sensitivity of spherical cells."
     )
     signs = [row.most[0] for wall, row in figures.items() if wall.cell == ROUND[1] and wall.pad == CELL]
     if min(signs) < 0 < max(signs):
         yield (
             f"One hemispheric cell has slopes of both signs, from {1e6 * min(signs):.2g} to {1e6 * max(signs):.2g} "
-            "µW/N: small causes, such as the reflectance of its roof or the position of its package, change a small "
-            "slope by a multiple, so ratios of its slopes say little."
+            "µW/N. Small causes, such as the reflectance of the roof or the position of the package, multiply such "
+            "small slopes, so that ratios of slopes mean little."
         )
     both = [
         ratio(row.most, figures[replace(wall, pad=CELL)].most)[0]
@@ -434,7 +446,7 @@ def _other_explanations(figures: Figures) -> Iterator[str]:
     ]
     if both:
         yield (
-            f"One cell does not stand for a pad: the most sensitive flat or spherical taxel of a pad has "
+            f"One cell does not represent a pad: the most sensitive taxel of a pad with flat or spherical cells has "
             f"{_range(both)} times the slope of one cell with the same walls; hemispheric cells differ more."
         )
 
@@ -449,16 +461,17 @@ def _reached(figures: Figures) -> Iterator[str]:
     ]
     within = sum(error <= max(RELATIVE_TARGET * abs(value), TARGET) for value, error in slopes)
     yield (
-        f"{within} of {len(slopes)} slopes have an error within {RELATIVE_TARGET:.0%} or {1e6 * TARGET:g} µW/N. The "
-        "reflectances are assumptions, the silicone is elastic, and the spread of boards and moulds is not modelled."
+        f"{within} of {len(slopes)} slopes have an error of at most {RELATIVE_TARGET:.0%} or {1e6 * TARGET:g} µW/N. "
+        "The reflectances are assumptions, the silicone is elastic, and the spread of boards and moulds is not "
+        "modelled."
     )
 
 
 _PICTURE = """\
 ![Sensitivity and nonlinearity against the height of layers](mould/steps.png)
 
-*White roofs, black sides, layers along z; 0 is a smooth mould. Lines: one cell; open markers: whole pads, slightly
-shifted. Bars are two standard errors, dashed lines the measurements.*"""
+*White roofs, black sides, layers along z; a height of 0 is a smooth mould. Lines: one cell. Open markers: whole pads,
+slightly shifted. Bars: two standard errors. Dashed lines: measured values.*"""
 
 
 def draw(figures: Figures, file: Path) -> None:
