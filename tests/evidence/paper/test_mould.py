@@ -119,7 +119,7 @@ def test_complete_rows_are_on_the_page(tmp_path, studies):
     parts = {"mould_rest": {wall: studies}, "mould": {of_design: {"fz": studies["fz"]}}}
     (page,) = write_pages(parts, tmp_path, "taxel reproduce")
     text = page.read_text()
-    assert f"1 of {len(list(design()))} rows of the design are computed, and 1 of" in text.replace("\n", " ")
+    assert f"1 of {len(list(design()))} planned rows are computed, and 1 of" in text.replace("\n", " ")
     assert "| spherical | 0.1 mm along z | isotropic | 5% | 10.0" in text
     assert "| hemispheric | one cell | flange in contact | 1.66" in text.replace("1.67", "1.66")
     assert "| 19.6 | 35.5 | 3.18 | 34.2 | 31.4 |" in text
