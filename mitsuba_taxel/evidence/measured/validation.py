@@ -86,10 +86,10 @@ def _vcnt2020(pictures: Path) -> str:
 ## VCNT2020 under a mirror
 ![Current against the height of the mirror](validation/vcnt2020.png)
 
-Fitted: the size of the dies and their depth under the windows, to the distance curve itself. Percent of the largest
-current:
+**Fitted:** the size of the dies and their depth under the windows, to the distance curve of the datasheet. The
+table has the current in percent of its maximum:
 
-{markdown_table(["height [mm]", "datasheet", "here", "difference"], rows)}
+{markdown_table(["height [mm]", "datasheet", "computed", "difference"], rows)}
 
 The largest difference is {100 * (model - sheet)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm the
 computed current is too {"low" if deficit > 0 else "high"} by {abs(deficit):.0f} %.
@@ -123,9 +123,9 @@ def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:
                 _resolved(*simulated.hysteresis),
             ]
         )
-    heads = ["shape", "mV/N measured", "here", "e_nl [%] measured", "here", "e_h [%] measured", "here"]
+    heads = ["shape", "mV/N measured", "computed", "e_nl [%] measured", "computed", "e_h [%] measured", "computed"]
     electronics = f"{measured.LOAD_RESISTANCE / 1e3:g} kOhm, {measured.ADC_BITS} bit at {measured.ADC_REFERENCE:g} V"
-    sideways_heads = ["shape", "along x: mV/N measured", "here", "along y: mV/N measured", "here"]
+    sideways_heads = ["shape", "along x: mV/N measured", "computed", "along y: mV/N measured", "computed"]
     flat = cell_figures["parallelepiped"]
     shares = ", ".join(
         f"{100 * cell_figures[cell].most / max(ranges_measured):.0f} %"
@@ -138,24 +138,25 @@ def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:
 
 *From the least to the most sensitive taxel of a pad.*
 
-Cycles to the force per cell of the experiments (10 N on 12 cells) at their rate, on the nominal pad of nine cells.
-Nothing is fitted to these tables: the electronics are those of the pad above ({electronics}), with LEDs
-that give its mean voltage at rest, {measured.REST_VOLTAGE:g} V; the Prony series is that fitted above, possibly of
-another silicone, with the paper's modulus as the long-term one. Slopes are means from 0 to 10 N.
+The table has results of loading cycles on the nominal pad of nine cells, with the force per cell of the experiments (10
+N on 12 cells) and their rate. Nothing is fitted to the paper's tables. The electronics are those of the pad above
+({electronics}), and the power of the LEDs is such that the mean voltage at rest is the same,
+{measured.REST_VOLTAGE:g} V. The Prony series is that fitted above, possibly of another silicone, with the paper's
+modulus as the long-term modulus. Slopes are means from 0 to 10 N; e_nl is the nonlinearity and e_h the hysteresis.
 
 {markdown_table(heads, rows)}
 
-No gain was fitted to these tables. The most sensitive taxels reach {shares} of the measured sensitivities, flat,
-spherical and hemispheric. The spread between taxels does not include the tolerances of boards and moulds
-([tolerances](tutorials/tolerances.md)). The viscoelastic loop of the parallelepiped is {hysteresis} % as wide as the
-measured one. Ratios are not resolved where readings change by little more than their error: under 10 N the reading of a
-hemispheric cell falls and rises again. The steps of printed moulds, to which the authors attribute the nonlinearity of
-round cells, are not part of this table; [printed moulds](mould.md) has them, one factor at a time.
+The most sensitive taxels reach {shares} of the measured sensitivities (flat, spherical and hemispheric cells). The
+spread between taxels does not include the tolerances of boards and moulds ([tolerances](tutorials/tolerances.md)). The
+viscoelastic loop of the parallelepiped is {hysteresis} % as wide as the measured one. Ratios are not resolved where
+readings change by little more than their error: under 10 N the reading of a hemispheric cell falls and rises again. The
+steps of printed moulds, to which the authors attribute the nonlinearity of round cells, are not part of this table;
+[printed moulds](mould.md) has them, one factor at a time.
 
-Table 3, under tangential forces along x and y, at 10 N of normal force on 12 cells, with the same circuit. Here they go
-up to {FORCES[-1] / PER_FORCE:g} N on as many, as it is not stated how far those of the experiments went; the pads are
-elastic, of the paper's modulus, and the taxel is the most sensitive one, where the experiments took that of the largest
-normal sensitivity:
+The last table compares with Table 3: tangential forces along x and y, at a normal force of 10 N on 12 cells, with the
+same circuit. Tangential forces are computed up to {FORCES[-1] / PER_FORCE:g} N on 12 cells, because the paper does not
+state their range. The pads are elastic, with the paper's modulus. The computed value is that of the most sensitive
+taxel; the experiments used the taxel with the largest sensitivity to normal forces:
 
 {markdown_table(sideways_heads, _sideways(store, cycles))}
 """

@@ -90,7 +90,7 @@ def test_the_section_says_what_was_fitted_and_what_misses(tmp_path):
         made_up(),
         pad_comparison.NeighbourChange(8.0, 55.0, 0.14),
     )
-    text = page_pad.pad_section(found, tmp_path)
+    text = " ".join(page_pad.pad_section(found, tmp_path).split())
     for words in (
         "7.50 ± 0.20 mm",
         "0.5 MPa",

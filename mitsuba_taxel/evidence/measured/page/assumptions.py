@@ -22,10 +22,11 @@ def assumptions_section(results: PadComparison, tried: Mapping[str, AssumptionRe
     rows += [[name, *_errors(outcome.fitted), *_shown(outcome.rings)] for name, outcome in tried.items()]
     return f"""\
 ### Other assumptions
-The following properties are not published. One assumption at a time is changed; the height and the indenter are those
-found above, and the modulus and the start of the record are fitted again. The table has the largest differences as
-above, and means of the map over all taxels at the same distance from taxel {fitted}, in pitches. These means hardly
-depend on the position of the indenter, which is above the middle here.
+The following properties are not published. The assumptions about them are changed one at a time. The height and the
+indenter are those found above; the modulus and the start of the record are fitted again. The columns *force* and
+*change* have the largest differences between computed and measured values, as above. The other columns have means of
+the map over all taxels at the same distance from taxel {fitted}, by this distance in pitches. The means hardly depend
+on the position of the indenter, which is above the middle in these computations.
 
 {markdown_table(heads, rows)}
 

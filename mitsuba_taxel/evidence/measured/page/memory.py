@@ -31,7 +31,7 @@ def memory_section(fit: PronyFit, pictures: Path) -> str:
     forces, scatters = np.array(measured.HOLD_FORCES).T / measured.HOLD_FORCES[-1][0]
     tails, holds = 100 * np.array([tail, fit.tail]), np.array([forces, scatters, fit.hold])
     validation_figures.memory(tails, holds, pictures / "memory.png")
-    series = ", ".join(f"{weight:.3f} in {time:g} s" for weight, time in fit.terms)
+    series = ", ".join(f"{weight:.3f} for {time:g} s" for weight, time in fit.terms)
     tail_rows = [
         [f"{time:g}", f"{100 * a:.2f}", _with(100 * b, 100 * error)]
         for time, a, b, error in zip(measured.TAIL_TIMES, tail, fit.tail, fit.errors.tail, strict=True)
@@ -58,28 +58,30 @@ def memory_section(fit: PronyFit, pictures: Path) -> str:
 ## The same pad: hold, release and loop
 ![Voltage after release, and force during the hold](validation/memory.png)
 
-This section uses the pad and the indenter found above, with viscoelastic silicone and its light. The modulus found
-above is the long-term modulus, as the pad was pressed slowly. Errors are those of the computation: the difference from
-elements of {FINER:g} mm, the estimated error of time steps, and the noise of the light.
+This section uses the pad and the indenter found above, now with viscoelastic silicone; the light is computed for each
+state of the pad. The modulus found above is the long-term modulus, because the pad was pressed slowly. Errors are those
+of the computation: the difference from elements of {FINER:g} mm, the estimated error of the time steps, and the noise
+of the light.
 
-**Fitted to the voltage after release alone**, by {fit.paths} paths of finite elements: the weights of three relaxation
-times, {series}. In the computation the indenter is withdrawn at once. On the bench this takes time, so the first weight
-is due to the release as much as to the silicone. Percent of the change during the hold:
+**Fitted to the voltage after release alone.** The fitted weights of three relaxation times are {series}; the fit needed
+{fit.paths} finite-element load paths. In the computation, the indenter is withdrawn instantly. In the measurement, this
+takes time, so that the first weight is due to the withdrawal as much as to the silicone. The table has the change of
+the voltage that remains after release, in percent of the change during the hold:
 
 {markdown_table(["s after release", "measured", "fitted"], tail_rows)}
 
-The largest difference is {worst:.0f} % of the value.
+The largest difference is {worst:.0f} % of the measured value.
 
-Predicted: the force during the hold, relative to the force at its end. Measured values have the scatter in their window
-as error.
+**Predicted:** the force during the hold, relative to the force at its end. The errors of measured values are the
+scatter within each time window.
 
-{markdown_table(["s", "measured", "here"], hold_rows)}
+{markdown_table(["s", "measured", "computed"], hold_rows)}
 
 {paragraph(_hold_words(fit, forces, scatters))}
 
-Predicted: a cycle to {travel} in {duration}. Widths in percent of the largest force or change, energy in percent of the
-energy of loading; the last column is for an elastic pad under an indenter with a coefficient of friction of
-{FRICTION:g}, which is assumed, without an error:
+**Predicted:** a loading cycle to {travel} in {duration}. The table has the widths of the hysteresis loops in percent of
+the largest force or change, and the energy loss in percent of the energy of loading. The last column is for an elastic
+pad under an indenter with an assumed coefficient of friction of {FRICTION:g}; its error is not computed:
 
 {markdown_table(["loop", "measured", "viscoelastic", "elastic, with friction"], loop_rows)}
 

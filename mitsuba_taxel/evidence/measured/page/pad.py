@@ -28,7 +28,7 @@ def pad_section(results: PadComparison, pictures: Path) -> str:
     points = len(measured.PRESSES[fitted].forces)
     tried = len(results.found.tried)
     x, y = (f"{offset:+.2f} mm" for offset in results.offset)
-    hold_change = f"{100 * measured.HELD_SHARE:.1f} %; here by {100 * results.held:.1f} %"
+    hold_change = f"{100 * measured.HELD_SHARE:.1f} % (measured) and {100 * results.held:.1f} % (computed)"
     below = measured.CORE_HEIGHT - measured.COLLAR_HEIGHT
     heads = ["", *(f"column {number}" for number in range(1, bench_pad.SIDE + 1))]
     return f"""\
@@ -38,9 +38,10 @@ def pad_section(results: PadComparison, pictures: Path) -> str:
 *Marks are measured, lines are computed.* A pad of 5 x 5 cells with photo-reflectors NJL5908AR was pressed slowly at its
 taxels {taxels}. The height of the pad, its silicone and the indenter are not published.
 
-**Fitted to taxel {fitted} alone**, to its force and its reading at {points} travels, by {tried} paths of finite
-elements; the modulus has a closed form, because forces are proportional to it. A record begins when the robot detects
-the contact. The travel before that is fitted as well:
+**Fitted to taxel {fitted} alone.** The following unknowns are fitted to the force and the reading of this taxel at
+{points} travels. The fit needed {tried} finite-element load paths; the best modulus for each has a closed form, because
+forces are proportional to the modulus. The record begins when the robot detects the contact; the travel from the first
+contact to this moment is fitted as well:
 
 {markdown_table(["unknown", "value"], _unknowns(results))}
 
@@ -63,9 +64,9 @@ gain is needed, and no reading comes near saturation.
 ### All taxels
 ![Changes of all taxels while taxel 13 is held](validation/map.png)
 
-While taxel {fitted} is held at {measured.HELD_AT:g} mm its voltage changes by {hold_change}. All taxels in percent
-of this change, arranged as on the board, measured / computed (at {MAP_TRAVEL:g} mm), with ± one standard deviation, as
-explained below:
+While taxel {fitted} is held at {measured.HELD_AT:g} mm, its voltage changes by {hold_change}. The table has the
+changes of all taxels in percent of this change, arranged as on the board: measured / computed (at {MAP_TRAVEL:g} mm)
+± one standard deviation, which is explained below:
 
 {markdown_table(heads, _map_rows(results))}
 
@@ -101,7 +102,7 @@ def _valley(results: PadComparison) -> str:
     ]
     alike = (
         f" Other pairs of height and radius fit nearly as well: {', '.join(alternatives)}. So the data hardly "
-        "distinguish the two."
+        "determine height and radius separately."
         if alternatives
         else ""
     )
@@ -122,7 +123,7 @@ def _pressed(taxel: int, compared: TaxelComparison) -> str:
         (compared.change_error, "+.1f"),
     ]
     rows = np.transpose([[_shown(value, form) for value in values] for values, form in columns]).tolist()
-    half = ["measured", "here", "difference [%]"]
+    half = ["measured", "computed", "difference [%]"]
     heads = ["travel [mm]", f"force [N] {half[0]}", *half[1:], f"change [%] {half[0]}", *half[1:]]
     end = f" The computed path ends early: {compared.end}" if compared.end else ""
     verdicts = " ".join(
@@ -133,8 +134,9 @@ def _pressed(taxel: int, compared: TaxelComparison) -> str:
     )
     kind = "fitted" if fitted else "predicted"
     return f"""\
-**Taxel {taxel}, {kind}.** Force at equal travel, and change of the voltage at equal force in percent of that at
-rest, {measured.PRESSES[taxel].at_rest:g} V; differences in percent of the largest:
+**Taxel {taxel}, {kind}.** The table compares forces at equal travel, and changes of the voltage at equal force. Changes
+are in percent of the voltage at rest, {measured.PRESSES[taxel].at_rest:g} V; differences are in percent of the largest
+measured value:
 
 {markdown_table(heads, rows)}
 
@@ -162,10 +164,11 @@ def _spread(results: PadComparison) -> str:
     bench, model = (" / ".join(f"{100 * value:.1f}" for value in values) for values in changes)
     volts_there, volts_here = (" / ".join(f"{value:.3f}" for value in values) for values in volts)
     return (
-        f"At {at:.2f} N the changes of taxels {' / '.join(map(str, results.taxels))} are {bench} % measured, {model} % "
-        "here. In the model, all parts and their positions in the cells are equal, and the indenter is above the "
-        "middle of each predicted taxel, as its true position is not known. In volts they are "
-        f"{volts_there} V measured, {volts_here} V here if all have the rest voltage of taxel {measured.PRESSED}. "
+        f"At {at:.2f} N, the voltages of taxels {' / '.join(map(str, results.taxels))} change by {bench} % (measured) "
+        f"and {model} % (computed) of their values at rest. In the model, all parts and their positions in the cells "
+        "are equal, and the indenter is above the middle of each predicted taxel, because its true position is not "
+        f"known. In volts, the changes are {volts_there} V (measured) and {volts_here} V (computed, with the rest "
+        f"voltage of taxel {measured.PRESSED} for all). "
         f"The deviations are {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} % in volts, and "
         f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in changes.T)} % relative to rest. A part with another "
         f"gain would change the voltage at rest and its change by the same factor. {_light_at_rest(changes, volts)}"
@@ -193,7 +196,7 @@ def _verdict(label: str, error: np.ndarray, target: float) -> str:
     within = "within" if abs(worst) <= target else "**not within**"
     reached = np.isfinite(error).sum()
     note = "" if reached == len(error) else f", at the {reached} of {len(error)} points that the path reaches"
-    return f"The {label} is off by {worst:+.1f} % at most{note}, {within} the target of {target:g} %."
+    return f"The largest difference of the {label} is {worst:+.1f} %{note}, {within} the target of {target:g} %."
 
 
 def _shown(value: float, form: str) -> str:
@@ -282,11 +285,11 @@ def _widest(results: PadComparison) -> str:
     """Sentences about a computed map that is too narrow or too wide, from all pads that were tried."""
     bench, model = (ring(np.array(values), 1) for values in (measured.HELD_MAP, results.centred))
     height, mean, change = results.widest
-    means = f"The mean of the four nearest taxels is {bench:.0f} % measured and {model:.0f} % here."
+    means = f"The mean of the four nearest taxels is {bench:.0f} % measured and {model:.0f} % computed."
     if height == results.found.unknowns[0] or abs(bench - model) <= MAP_TARGET:
         return means
     return (
-        f"{means} Of the pads tried, that of {height:g} mm comes nearest with {mean:.0f} %, but its taxel "
+        f"{means} Of the pads tried, that of {height:g} mm is closest with {mean:.0f} %, but its taxel "
         f"{measured.PRESSED} changes by {100 * change:.1f} % while it is held. These data do not show which "
         f"assumption is wrong."
     )

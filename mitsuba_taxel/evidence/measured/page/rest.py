@@ -30,10 +30,11 @@ def _words(spread: Spread) -> str:
     bottom, top = measured.REST_VOLTAGES
     figures = (
         f"The standard deviation of the reading at rest, in percent of its mean, is **{high:.0f} ± "
-        f"{spread.all_error:.0f} % with all of these**, {low:.0f} ± {spread.without_gain_error:.0f} % without the gain "
-        f"of the parts, and {actual:g} % as measured among 25 taxels (from {bottom:g} to {top:g} V). Errors are due to "
-        "the finite number of samples, and contain the noise of the light; at rest, elements and time steps cause no "
-        f"error. The measured spread {'lies between the two' if inside else '**does not lie between the two**'}"
+        f"{spread.all_error:.0f} % with all parameters**, {low:.0f} ± {spread.without_gain_error:.0f} % without the "
+        f"gain of the parts, and {actual:g} % as measured among 25 taxels (from {bottom:g} to {top:g} V). Errors are "
+        "due to the finite number of samples, and contain the noise of the light; at rest, elements and time steps "
+        "cause no error. The measured spread "
+        f"{'lies between the two' if inside else '**does not lie between the two**'}"
     )
     gain = spread.gain_for(actual)
     if not inside:
@@ -42,5 +43,5 @@ def _words(spread: Spread) -> str:
     return (
         f"{figures}: with the other tolerances as assumed, a gain that varies by {gain:.0f} % would explain it. That "
         f"{narrower} the {spread.gain:.0f} % of the datasheet, as parts of one delivery usually are. This is not a "
-        f"test of the model, because many sets of tolerances give this one number."
+        f"test of the model, because many sets of tolerances lead to the same number."
     )
