@@ -196,7 +196,8 @@ def _other_pitch(body: Boxes, pad: SceneObject) -> Iterator[Finding]:
     pitch = scale * reflector.pitch
     if comparable and abs(pitch - shape.pitch) > 1e-4 * shape.pitch:
         message = f"pitch = {pitch:g} of photo_reflector is not that of the {PAD}, {shape.pitch:g}"
-        yield body.obj.finding("warning", f"{message}: packages are not centred in their cells.", "pitch")
+        advice = "packages are not centred in their cells; make both equal"
+        yield body.obj.finding("warning", f"{message}: {advice}.", "pitch")
 
 
 def _cells_not_read(body: Boxes, pad: SceneObject, numbers: np.ndarray) -> Iterator[Finding]:

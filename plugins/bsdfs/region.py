@@ -42,7 +42,7 @@ class Region(mi.BSDF):
             if name not in ALL_REGIONS:
                 raise InputError(f"region: {name!r} is not a region: allowed are {', '.join(ALL_REGIONS)}.")
             if not isinstance(value, mi.BSDF):
-                raise InputError(f"region: {name} must be a BSDF.")
+                raise InputError(f"region: {name} is not allowed: a nested BSDF is needed.")
             self.walls[name] = value
         if not self.walls:
             raise InputError(f"region: it has no BSDF: at least one of {', '.join(ALL_REGIONS)} is needed.")
