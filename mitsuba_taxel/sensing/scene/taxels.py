@@ -62,7 +62,7 @@ def taxel_positions(pairs: Sequence[TaxelPair]) -> np.ndarray:
     faces = [pair.sensor.faces for pair in pairs]
     centres = np.concatenate([np.array(grid.centres).T for grid in faces])
     axes = np.stack([np.array(axis).ravel() for axis in (faces[0].frame.s, faces[0].frame.t)], axis=1)
-    return centres @ axes
+    return (centres @ axes).astype(float)
 
 
 def refuse_foreign_sensors(scene: mi.Scene) -> None:

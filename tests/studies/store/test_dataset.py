@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel.sensing import Readings
+from mitsuba_taxel import open_study, sweep
+from mitsuba_taxel.sensing import Readings, find_scene
 from mitsuba_taxel.sensing.reading.runs import REPLICATES
 from mitsuba_taxel.studies.plan.vary import Axis
 from mitsuba_taxel.studies.store import folder
@@ -77,3 +78,20 @@ def test_positions_of_taxels_survive_their_file_and_have_dimensions_where_they_c
     np.testing.assert_array_equal(study.taxel_y.values[..., 0], pitch if moved else pitch[0])
     unknown = {**results, (1,): results[0,]._replace(readings=replace(results[0,].readings, positions=None))}
     assert "taxel_x" not in assemble((Axis("pitch", {"pitch": list("23")}),), unknown, {}, ABOUT)
+
+
+def test_positions_of_a_board_are_its_pitch_apart_and_its_study_opens_again(llvm_mono, tmp_path):
+    """Row by row from (-x, +y), along the board's own axes where it is turned."""
+    array = '<integer name="rows" value="2"/><integer name="columns" value="3"/><float name="pitch" value="4"/>'
+    turned = '<transform name="to_world"><rotate z="1" angle="90"/></transform>'
+    part = '<shape type="photo_reflector">'
+    scene = find_scene("plate.xml").read_text().replace(part, f"{part}{array}{turned}")
+    (tmp_path / "board.xml").write_text(scene)
+    study = sweep(tmp_path / "board.xml", {"width": [8, 12]}, {"depth": 20}, points=16, output=tmp_path / "out")
+    opened = open_study(tmp_path / "out")
+    np.testing.assert_array_equal(opened.power, study.power)
+    for each in (study, opened):
+        x, y = each.taxel_x.values.reshape(2, 3), each.taxel_y.values.reshape(2, 3)
+        np.testing.assert_allclose(np.diff(x, axis=1), 4, atol=1e-5)
+        np.testing.assert_allclose(np.diff(y, axis=0), -4, atol=1e-5)
+        np.testing.assert_allclose(np.ptp(x, axis=0), 0, atol=1e-5)
