@@ -1,4 +1,4 @@
-"""The packages of the tree, under the names by which they are imported; all else is in pyproject.toml."""
+"""Maps folders of the source tree to the names of packages; all other settings are in pyproject.toml."""
 
 import os
 import re
@@ -18,7 +18,7 @@ HOME = os.environ.get("PROJECT_URL", "").rstrip("/")  # where the source is host
 
 
 def description() -> str:
-    """The README, in which links to files of the tree become links to where that is hosted."""
+    """The README, with links to files of the source tree replaced by links to its host."""
     text = Path("README.md").read_text(encoding="utf-8")
     if not HOME:
         return text

@@ -22,7 +22,7 @@ extensions = [
     "plugin_reference",
     "results_reference",
 ]
-# What docstrings refer to inside the package, and the reference leaves out.
+# Names that docstrings refer to, and that the reference does not contain.
 nitpick_ignore_regex = [
     ("py:func", r"(mitsuba_taxel\.pads\.imported\.regions\.)?(tagged|prepare)"),
     ("py:data", r"mitsuba_taxel\.mechanics\.continuation\.load_segment\.\w+|TET_EDGES|FACE_EDGES|ENDS"),

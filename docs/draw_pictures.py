@@ -70,7 +70,7 @@ def draw_photo_reflector(file: Path) -> None:
 
 
 def draw_region(file: Path) -> None:
-    """The regions of a pad in colours of their own."""
+    """Draw a pad with a colour for each region."""
     from mitsuba_taxel.report.picture import drawing
     from mitsuba_taxel.report.picture.sensor_parts import shown_parts
 
@@ -92,7 +92,7 @@ def draw_region(file: Path) -> None:
 
 
 def draw_annular_led(file: Path) -> None:
-    """Radiant intensity by angle, and points of emission of both outlines."""
+    """Plot radiant intensity against angle, and points of emission of both outlines."""
     figure = new_figure()
     polar = figure.add_subplot(1, 2, 1, projection="polar")
     half_plane(polar, "radiant intensity [W/sr]")
@@ -121,7 +121,7 @@ def draw_annular_led(file: Path) -> None:
 
 
 def draw_phototransistor(file: Path) -> None:
-    """Reading of a parallel beam by its angle."""
+    """Plot the reading of a parallel beam against its angle."""
     figure = new_figure()
     axes = figure.add_subplot(xlabel="angle to the normal [degrees]", ylabel="reading relative to that on the axis")
     angle = np.linspace(0, 90, 181)
@@ -138,7 +138,7 @@ def draw_phototransistor(file: Path) -> None:
 
 
 def draw_wall(file: Path) -> None:
-    """Light that walls reflect in the plane of incidence, counted from samples of each, relative to its maximum."""
+    """Plot light that walls reflect in the plane of incidence, counted from samples, relative to its maximum."""
     figure = new_figure()
     axes = figure.add_subplot(projection="polar")
     half_plane(axes, "light reflected per solid angle, relative to its maximum; incident at 40°")
@@ -165,7 +165,7 @@ def draw_wall(file: Path) -> None:
 
 
 def draw_integrator(name: str, file: Path) -> None:
-    """The irradiance map of one phototransistor, and its reading."""
+    """Draw the irradiance map of one phototransistor, with its reading."""
     import xml.etree.ElementTree as ElementTree
 
     from mitsuba_taxel import Scene, write_xml
@@ -196,7 +196,7 @@ def draw_integrator(name: str, file: Path) -> None:
 
 
 def draw_owen_sobol(file: Path) -> None:
-    """256 points of two sequences beside random ones."""
+    """Plot 256 points of two sequences beside random points."""
     figure = new_figure()
     sampler = mi.load_dict({"type": "owen_sobol", "sample_count": 256})
     sampler.seed(0, 512)
@@ -215,7 +215,7 @@ def new_figure() -> Figure:
 
 
 def half_plane(axes: matplotlib.axes.Axes, title: str) -> None:
-    """Polar axes over a surface, 0 degrees upwards."""
+    """Format polar axes as the half-plane above a surface, with 0 degrees upwards."""
     axes.set_theta_zero_location("N")
     axes.set_theta_direction(-1)
     axes.set_thetalim(-np.pi / 2, np.pi / 2)

@@ -22,7 +22,7 @@ with deferred_signals():
 
 
 def _html_of(displayed: Displayed) -> str:
-    """HTML of an object in a notebook; the package that makes it is imported at first use."""
+    """HTML view of an object for notebooks; the package `report` is imported at the first call."""
     from mitsuba_taxel.report.notebook.views import html_of
 
     return html_of(displayed)

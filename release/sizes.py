@@ -1,4 +1,4 @@
-"""What an installation downloads and unpacks, and what each part is for: a table in Markdown.
+"""Table in Markdown of the packages of an installation: size of download, unpacked size, purpose.
 
     pip download --only-binary=:all: -d wheels . && python release/sizes.py wheels
 """
@@ -53,7 +53,7 @@ def main(folder: Path) -> None:
 
 
 def sizes(wheels) -> tuple[float, float]:
-    """Size of wheels and of what they contain, in MB."""
+    """Total size in MB of wheels, and of their contents."""
     files = list(wheels)
     unpacked = sum(entry.file_size for file in files for entry in ZipFile(file).infolist())
     return sum(file.stat().st_size for file in files) / 1e6, unpacked / 1e6

@@ -1,4 +1,4 @@
-"""The directive ``command-reference``: a section for every command of `taxel`, from the program itself."""
+"""The directive ``command-reference``: a section for every command of `taxel`, made from the program's help."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class CommandReference(SphinxDirective):
 
 
 def _overview(taxel: click.Group) -> list[str]:
-    """Lines of RST: a table of all commands, and of those below them, each with what it does in a few words."""
+    """RST of a table of all commands and subcommands, each with its short description."""
     rows = []
     for path, ctx in _commands(taxel, "taxel", None):
         if path != "taxel":
@@ -40,7 +40,7 @@ def _overview(taxel: click.Group) -> list[str]:
 
 
 def _commands(command: click.Command, path: str, parent: click.Context | None) -> Iterator[tuple[str, click.Context]]:
-    """A command and those below it."""
+    """Path and context of a command and of all its subcommands."""
     ctx = click.Context(command, info_name=path.split()[-1], parent=parent, **command.context_settings)
     yield path, ctx
     if isinstance(command, click.Group):
@@ -51,7 +51,7 @@ def _commands(command: click.Command, path: str, parent: click.Context | None) -
 
 
 def _section(path: str, ctx: click.Context) -> list[str]:
-    """Lines of RST."""
+    """RST of the section of one command: description, usage, options."""
     title = f"``{path}``"
     usage = " ".join([path, *ctx.command.collect_usage_pieces(ctx)])
     parts = [f".. _{path.replace(' ', '-')}:", f"{title}\n{'=' * len(title)}", _escaped(ctx.command.help or "")]
@@ -64,7 +64,7 @@ def _section(path: str, ctx: click.Context) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Words of a help text, paragraph by paragraph, of which RST makes nothing."""
+    """A help text with the markup characters of RST escaped, paragraph by paragraph."""
     return "\n\n".join(map(_paragraph, text.split("\n\n")))
 
 

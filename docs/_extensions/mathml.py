@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers show by themselves: no script, nothing to load."""
+"""Formulas as MathML, which browsers display without scripts."""
 
 from __future__ import annotations
 

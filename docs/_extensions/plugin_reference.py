@@ -58,7 +58,7 @@ class PluginReference(SphinxDirective):
 
 
 def _section(page: PluginPage) -> list[str]:
-    """Lines of RST."""
+    """RST of the section of one plugin: picture, parameters, text, examples."""
     title = f"{page.title}: ``{page.name}``"
     rows = [HEADINGS]
     for row in page.parameters:
@@ -87,7 +87,7 @@ def _row(cells: tuple[str, ...]) -> str:
 
 
 def _rst(text: str) -> str:
-    """A docstring's RST on one line, its roles as literals and the names of plugins as links."""
+    """The RST of a docstring on one line, with roles as literals and names of plugins as links."""
 
     def literal(match: re.Match) -> str:
         word = match[1] or match[2] or match[3]

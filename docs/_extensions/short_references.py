@@ -1,6 +1,6 @@
-"""Docstrings of this project as Sphinx wants them.
+"""Adapts the docstrings of this project to Sphinx.
 
-They put a letter behind a literal, and refer to things by their last name alone.
+In these docstrings a letter may follow a literal directly, and references contain only the last part of a name.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from sphinx.util.nodes import make_refnode
 LITERAL = re.compile(r"(``[^`]+``)(\w?)")
 
 _whole: dict[str, list[str]] = {}
-"""Docstrings of properties, of which napoleon takes what stands before a colon for a type."""
+"""Docstrings of properties; napoleon would take the text before a colon as a type."""
 
 
 def with_closed_literals(line: str) -> str:
-    """A line of a docstring in which no letter follows a literal directly."""
+    """Change a line of a docstring such that no letter follows a literal directly."""
     return LITERAL.sub(lambda match: f"{match[1]}\\ {match[2]}" if match[2] else match[0], line)
 
 
@@ -34,7 +34,7 @@ def _after_napoleon(app: Sphinx, what: str, name: str, obj: object, options: obj
 
 
 def _resolve(app: Sphinx, env, node: nodes.Element, contnode: nodes.Element) -> nodes.Element | None:
-    """A link to the one thing in the reference that has this last name; in a signature, else the bare name."""
+    """Resolve a reference to the only entry with this last name; in a signature, the bare name if there is none."""
     if node.get("refdomain") != "py":
         return None
     last = node["reftarget"].split(".")[-1]
