@@ -144,7 +144,7 @@ class Emission:
         ahead, behind = (self._outlined(self.positions + sign * step * velocity).sum(axis=0) for sign in (1, -1))
         return (ahead - behind) / (2 * step)
 
-    @property
+    @cached_property
     def deviation(self) -> np.ndarray:
         """Power (F,) on each patch by the quadrature rules, minus the power within its outline, as a fraction of
         the LED's power."""

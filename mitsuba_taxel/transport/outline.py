@@ -113,7 +113,7 @@ def _integrals(away: np.ndarray, rate: np.ndarray, within: Cumulative) -> np.nda
 
     They are positive where the side runs clockwise as seen from above.
     """
-    (x, y, z), (dx, dy) = np.moveaxis(away, -1, 0), np.moveaxis(rate[..., :2], -1, 0)
+    x, y, z, dx, dy = away[..., 0], away[..., 1], away[..., 2], rate[..., 0], rate[..., 1]
     across = np.maximum(x**2 + y**2, np.finfo(float).tiny)
     turn = (y * dx - x * dy) / across
     return (within(z / np.sqrt(across + z**2)) * turn) @ gauss(POINTS)[1] / (2 * np.pi)

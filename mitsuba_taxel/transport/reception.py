@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from mitsuba_taxel.transport.exchange import Exchange, Starts
-from mitsuba_taxel.transport.laws.ends import AngularLaw, End
+from mitsuba_taxel.transport.laws.ends import AngularLaw, CosineFactor, End
 from mitsuba_taxel.transport.outline import TOLERANCE, Cumulative, power_within
 from mitsuba_taxel.transport.patches import PatchPoints
 from mitsuba_taxel.transport.rules import gauss, triangle_rule
@@ -198,6 +199,10 @@ def radiance(
 def _cumulative_acceptance(law: AngularLaw) -> tuple[float, Cumulative]:
     """Integral of response times cosine over all directions, and a function that returns the fraction of it at
     directions whose cosine is at least a given value."""
+    if isinstance(law, CosineFactor):  # the product is such a law as well, whose integral has a closed form
+        product = replace(law, exponent=law.exponent + 1)
+        total = float(product.within(np.zeros(1))[0])
+        return total, lambda cosine: product.within(cosine) / total
     angles = np.linspace(0, min(law.spread, np.pi / 2), ANGLES + 1)
     node, weight = gauss(3)
     theta = angles[:-1, None] + np.diff(angles)[:, None] * node

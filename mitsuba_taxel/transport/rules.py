@@ -97,6 +97,7 @@ def coefficients(degree: int) -> np.ndarray:
     return np.linalg.inv(monomials(triangle_rule(degree)[0], degree))
 
 
+@kept(128)
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (count,) and weights (count,) of Gauss' rule on [0, 1]."""
     points, weights = np.polynomial.legendre.leggauss(count)
