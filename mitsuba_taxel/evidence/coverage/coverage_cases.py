@@ -32,6 +32,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
     PatchForce,
     PlateDisplacement,
     PlateForce,
+    PlateWrench,
     Pressure,
 )
 from mitsuba_taxel.mechanics.errors.roof_error import size_ratio
@@ -187,6 +188,7 @@ def _loads() -> Iterator[CoverageCase]:
         loads: dict[str, tuple[Load, Sequence[float]]] = {
             "plate, -1 N": (PlateForce(), (0.0, 0.0, -1.0)),
             "plate moved by 0.1 mm": (PlateDisplacement(), (0.0, 0.0, -0.1)),
+            "tilting plate, -0.5 N and 2 N mm": (PlateWrench(), (0.0, 0.0, -0.5, 0.0, 2.0, 0.0)),
             "pressure of 0.05 MPa": (Pressure(), (0.05,)),
             "patch of 2 mm x 2 mm, -0.5 N": (PatchForce((0.0, 0.0), (2.0, 2.0)), (0.0, 0.0, -0.5)),
         }

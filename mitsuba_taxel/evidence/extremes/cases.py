@@ -16,6 +16,7 @@ from mitsuba_taxel.mechanics.elements.loads import (
     PatchForce,
     PlateDisplacement,
     PlateForce,
+    PlateWrench,
     Pressure,
     SpreadForce,
 )
@@ -85,6 +86,9 @@ def _loads() -> Iterator[ExtremeCase]:
     yield ExtremeCase("rigid plate bonded on top, 20 N along x at -8 N", load=PlateForce(), value=_TANGENTIAL)
     yield ExtremeCase(
         "plate moved by 30 % of the height", load=PlateDisplacement(), value=(0.0, 0.0, -0.3 * _PAD.height)
+    )
+    yield ExtremeCase(
+        "tilting plate, -8 N and 60 N mm", load=PlateWrench(), value=(0.0, 0.0, -8.0, 0.0, 60.0, 0.0)
     )
     yield ExtremeCase(
         "patch of 3 mm x 3 mm off the centre, -8 N", load=PatchForce((2.0, 1.0), (3.0, 3.0)), value=(0, 0, -8.0)

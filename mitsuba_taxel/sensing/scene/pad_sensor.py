@@ -42,10 +42,12 @@ class PadSensor(Displayed):
     material : Material or Viscoelastic
         Material law of the silicone, such as `NeoHookean`, or `Viscoelastic` with such a law.
     force : sequence of float
-        Total force (Fx, Fy, Fz) on the pad, in N; compression is Fz < 0.
+        Total force (Fx, Fy, Fz) on the pad, in N; compression is Fz < 0. For `PlateWrench`, the three components of a
+        moment in N mm follow.
     load : Load
-        Kind of load: `SpreadForce`, `PatchForce`, `PlateForce` or `IndenterForce`. With `PlateDisplacement` and
-        `IndenterDisplacement`, ``force`` is the displacement in mm; with `Pressure`, it is ``(pressure,)`` in MPa.
+        Kind of load: `SpreadForce`, `PatchForce`, `PlateForce`, `PlateWrench` or `IndenterForce`. With
+        `PlateDisplacement` and `IndenterDisplacement`, ``force`` is the displacement in mm; with `Pressure`, it is
+        ``(pressure,)`` in MPa.
     photo_reflector : PhotoReflector
         Photo-reflector in each cell; its rows, columns and pitch are replaced by those of the pad.
     roof, side : Wall

@@ -31,7 +31,7 @@ def test_the_table_is_of_every_kind_of_pad_and_load():
     names = [case.name for case in cases]
     assert len(names) == len(set(names)) >= 86
     assert {case.sensor.pad.wall for case in cases} >= {0.3, 0.5, 0.7} and {case.file_format for case in cases} > {""}
-    assert len({type(case.sensor.load) for case in cases}) == 7 and any("2 x 5" in name for name in names)
+    assert len({type(case.sensor.load) for case in cases}) == 8 and any("2 x 5" in name for name in names)
 
 
 def test_every_registered_kind_is_in_the_table():

@@ -1,4 +1,4 @@
-"""A plate that tilts, against closed forms of beams, columns and thin layers, and against its balance of moments."""
+"""A plate that tilts, against closed forms of beams, columns and thin layers, and the balance of its moments."""
 
 from __future__ import annotations
 
@@ -95,9 +95,8 @@ def test_the_board_balances_force_and_moment(tilted):
     turned, _ = _motion(tilted)
     # The moment about the pivot is conjugate to the rotation vector.
     top = nodes_of(tilted.mesh, "top")[0]
-    pivot = load.pivot(tilted.mesh)
     corner = tilted.mesh.points[top]
-    at = corner + tilted.displacement[top] + rotation_matrix(turned) @ (pivot - corner)
+    at = corner + tilted.displacement[top] + rotation_matrix(turned) @ (load.pivot(tilted.mesh) - corner)
     moment = balance.applied_moment - np.cross(at, balance.applied_force)
     first, _ = rotation_derivatives(tuple(turned))
     spins = [rate @ rotation_matrix(turned).T for rate in first]  # spin of the plate by each component
