@@ -27,6 +27,7 @@ from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.kernels.walls import set_wavelength
 from mitsuba_taxel.sensing.reading.darkness import dark_errors
+from mitsuba_taxel.sensing.reading.finish_notes import finishes_of
 from mitsuba_taxel.sensing.reading.mechanics_error import combined, mechanics_deviations, roof_errors
 from mitsuba_taxel.sensing.reading.pad_results import pad_results
 from mitsuba_taxel.sensing.reading.prepared_scenes import (
@@ -224,9 +225,9 @@ def measured(
 
     # Results of the pads, and derivatives.
     with stages.record() as taken, stages.stage("mechanics"):
-        states = [pad.state for pad in deformed_pads(prepared.ready.scene)]
-        limits = exceeded_limits(prepared.ready.scene)
-        result = replace(result, pads=pad_results(states, mechanics_error), exceeded_limits=limits)
+        measured = prepared.ready.scene
+        pads = pad_results([pad.state for pad in deformed_pads(measured)], mechanics_error)
+        result = replace(result, pads=pads, exceeded_limits=exceeded_limits(measured), finishes=finishes_of(measured))
     _add_seconds(result, taken)
     if changes:
         result = replace(result, derivatives=_derivatives(scene, changes, prepared, result, points is not None))

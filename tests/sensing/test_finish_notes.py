@@ -4,7 +4,7 @@ import pytest
 
 from mitsuba_taxel import Grooves, LayerSteps, Pad, PadSensor, RandomRoughness, measure
 from mitsuba_taxel.mechanics import SeparateFinish
-from mitsuba_taxel.sensing.reading.finish_notes import finish_notes, merged_finishes
+from mitsuba_taxel.sensing.reading.finish_notes import finish_notes, finishes_of, merged_finishes
 
 LAYERS = "layer_steps, layer_height = 0.2 mm"
 CASES = {
@@ -34,17 +34,16 @@ def test_readings_name_the_finish_of_roof_and_sides(name):
     sensor = PadSensor(Pad("spherical", 1, 1), finish=finish)
     readings = measure(sensor.scene(), points=16, mechanics_error=False)
     assert [note for note in readings.notes if note.startswith("finish")] == lines
-    assert finish_notes(sensor.scene().load()) == lines
+    assert finish_notes(finishes_of(sensor.scene().load())) == lines
 
 
 def test_a_study_has_one_line_for_each_wall():
-    start = "finish of roof and side: layer_steps, layer_height = "
-    two = [f"{start}{height} mm" for height in (0.1, 0.2)]
-    assert merged_finishes([two[0], "a: b", two[1]]) == [f"{two[0]}; layer_steps, layer_height = 0.2 mm", "a: b"]
-    many = [f"{start}{height / 100:g} mm" for height in range(1, 7)]
-    (line,) = merged_finishes(many)
-    assert line == (
-        "finish of roof and side: 6 in turn, from layer_steps, layer_height = 0.01 mm; "
-        "to layer_steps, layer_height = 0.06 mm"
-    )
-    assert merged_finishes([]) == []
+    steps = [f"layer_steps, layer_height = {height} mm" for height in (0.1, 0.2)]
+    both = [{"roof and side": words} for words in steps]
+    assert merged_finishes([both[0], {}, both[1], both[0]]) == {"roof and side": "; ".join(steps)}
+    many = [{"side": f"layer_steps, layer_height = {height / 100:g} mm"} for height in range(1, 7)]
+    assert finish_notes(merged_finishes([*many, {"roof": "random"}])) == [
+        "finish of side: 6 in turn, from layer_steps, layer_height = 0.01 mm; to layer_steps, layer_height = 0.06 mm",
+        "finish of roof: random",
+    ]
+    assert merged_finishes([]) == {}

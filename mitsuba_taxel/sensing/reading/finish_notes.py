@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,12 +17,10 @@ if TYPE_CHECKING:
 
 MOST_NAMED = 3
 """Largest number of different finishes of a study that its notes name one by one."""
-_START = "finish of "
 
 
-def finish_notes(scene: mi.Scene) -> list[str]:
-    """Describe the finishes (textures) of the cells of a scene, such as "finish of roof and side: layer_steps,
-    layer_height = 0.1 mm".
+def finishes_of(scene: mi.Scene) -> dict[str, str]:
+    """Return the finishes (textures) of the cells of a scene, such as ``{"roof and side": "layer_steps, layer_height = 0.1 mm"}``.
 
     Parameters
     ----------
@@ -31,16 +29,32 @@ def finish_notes(scene: mi.Scene) -> list[str]:
 
     Returns
     -------
-    list[str]
-        One line for each wall, or pair of walls, with a finish; no lines for smooth cells.
+    dict[str, str]
+        Finish with its numbers by wall or pair of walls; empty for smooth cells.
     """
     finishes = [pad.finish for pad in deformed_pads(scene) if pad.finish is not None]
     if not finishes:  # without an import of the mechanics
-        return []
+        return {}
     from mitsuba_taxel.mechanics.surface.wall_finishes import by_walls
 
     walls = [wall for finish in finishes for wall in by_walls(finish)]
-    return list(dict.fromkeys(f"{_START}{' and '.join(regions)}: {_words(kind)}" for kind, regions in walls))
+    return merged_finishes({" and ".join(regions): _words(kind)} for kind, regions in walls)
+
+
+def finish_notes(finishes: Mapping[str, str]) -> list[str]:
+    """A note for each wall, or pair of walls, with a finish.
+
+    Parameters
+    ----------
+    finishes : Mapping[str, str]
+        Result of `finishes_of` or `merged_finishes`.
+
+    Returns
+    -------
+    list[str]
+        Notes in the given order, such as "finish of roof and side: layer_steps, layer_height = 0.1 mm".
+    """
+    return [f"finish of {walls}: {words}" for walls, words in finishes.items()]
 
 
 def _words(finish: Finish) -> str:
@@ -57,29 +71,27 @@ def _words(finish: Finish) -> str:
     return ", ".join(words)
 
 
-def merged_finishes(notes: Iterable[str]) -> list[str]:
-    """Merge the notes of many readings: all finishes of one wall are listed in one line.
+def merged_finishes(finishes: Iterable[Mapping[str, str]]) -> dict[str, str]:
+    """Merge the finishes of many readings: all finishes of each wall.
 
     Parameters
     ----------
-    notes : iterable of str
-        Distinct notes of all readings.
+    finishes : iterable of Mapping[str, str]
+        Finishes by wall, as `finishes_of` returns them.
 
     Returns
     -------
-    list[str]
-        Notes in the given order; if a wall has more than `MOST_NAMED` finishes, the first and the last are named.
+    dict[str, str]
+        Distinct finishes by wall in the given order; of more than `MOST_NAMED`, the first and the last are named.
     """
-    of_walls: dict[str, list[str]] = {}
-    for note in notes:
-        if note.startswith(_START):
-            walls, words = note.split(": ", 1)
-            of_walls.setdefault(walls, []).append(words)
-        else:
-            of_walls[note] = []
-    lines = []
-    for start, finishes in of_walls.items():
-        if len(finishes) > MOST_NAMED:
-            finishes = [f"{len(finishes)} in turn, from {finishes[0]}", f"to {finishes[-1]}"]
-        lines.append(f"{start}: {'; '.join(finishes)}" if finishes else start)
-    return lines
+    of_walls: dict[str, dict[str, None]] = {}
+    for each in finishes:
+        for walls, words in each.items():
+            of_walls.setdefault(walls, {})[words] = None
+    merged = {}
+    for walls, distinct in of_walls.items():
+        named = list(distinct)
+        if len(named) > MOST_NAMED:
+            named = [f"{len(named)} in turn, from {named[0]}", f"to {named[-1]}"]
+        merged[walls] = "; ".join(named)
+    return merged

@@ -15,6 +15,7 @@ from mitsuba_taxel.base.files.text_table import text_table
 from mitsuba_taxel.base.replicates import standard_error
 from mitsuba_taxel.base.units import in_percent
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives, derivatives_text
+from mitsuba_taxel.sensing.reading.finish_notes import finish_notes
 from mitsuba_taxel.sensing.reading.stretch_notes import stretch_notes
 from mitsuba_taxel.sensing.reading.wording import budget_line, stage_line
 
@@ -165,6 +166,8 @@ class Readings(Displayed):
     exceeded_limits : dict[str, float]
         Limits of the silicone's stretch that are exceeded, such as that of its tests: the largest stretch, by the
         description of the limit.
+    finishes : dict[str, str]
+        Finish (texture) of the cells' walls with its parameters, by the name of the wall, such as ``roof and side``.
     """
 
     replicates: np.ndarray
@@ -185,6 +188,7 @@ class Readings(Displayed):
     pads: dict[str, Estimate] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     exceeded_limits: dict[str, float] = field(default_factory=dict)
+    finishes: dict[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return readings_text(self)
@@ -192,7 +196,8 @@ class Readings(Displayed):
     @property
     def notes(self) -> list[str]:
         """Notes on how the readings were obtained, for the user."""
-        return [*self.remarks, *stretch_notes(self.exceeded_limits), *describe_mechanics(self.roof_errors)]
+        own = [*self.remarks, *finish_notes(self.finishes), *stretch_notes(self.exceeded_limits)]
+        return [*own, *describe_mechanics(self.roof_errors)]
 
     @property
     def taxel(self) -> np.ndarray:

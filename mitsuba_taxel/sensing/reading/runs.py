@@ -17,7 +17,6 @@ from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.kernels.protocols import has_faces, is_led
 from mitsuba_taxel.kernels.walls import set_wavelength
-from mitsuba_taxel.sensing.reading.finish_notes import finish_notes
 from mitsuba_taxel.sensing.reading.readings import Readings
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import contact_notes, deformed_pads, loaded_pads
@@ -103,7 +102,6 @@ def prepare(scene: AnyScene) -> Prepared:
             notes.append(
                 f"a pad has buckled at ({at}) {pad.state.load.unit}: one of its mirror-image shapes is followed"
             )
-    notes += finish_notes(live)
     notes += contact_notes(live)
     if deformed_pads(live) and any(has_faces(end) and end.resin_index is not None for end in live.sensors()):
         notes.append("dies lie below windows: light is computed by random paths")  # also where all walls are diffuse

@@ -15,7 +15,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.units import FORCES, HISTORY
 from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.reading.derivative_values import BY_CURVE, Derivatives
-from mitsuba_taxel.sensing.reading.finish_notes import merged_finishes
+from mitsuba_taxel.sensing.reading.finish_notes import finish_notes, merged_finishes
 from mitsuba_taxel.sensing.reading.readings import (
     describe_mechanics,
     error_budget,
@@ -190,8 +190,9 @@ def _notes(results: Mapping[Index, StoredResult]) -> list[str]:
     if few and min(points):
         remarks.append(f"{few} of {len(results)} scenes have fewer points: the same command computes the rest")
     computed = not errors or any(result.readings.deviation is not None for result in results.values())
+    remarks += finish_notes(merged_finishes(result.readings.finishes for result in results.values()))
     remarks += stretch_notes(largest_stretches(result.readings.exceeded_limits for result in results.values()))
-    return [*merged_finishes(dict.fromkeys(remarks)), *(describe_mechanics(errors) if computed else [NOT_COMPUTED])]
+    return [*dict.fromkeys(remarks), *(describe_mechanics(errors) if computed else [NOT_COMPUTED])]
 
 
 def _failures(axes: Sequence[Axis], failures: Mapping[Index, Failure], roles: Mapping[str, Sequence[Any]]) -> list[str]:

@@ -331,6 +331,7 @@ def _arrays(kept: StoredResult) -> dict[str, np.ndarray]:
         "mesh_size": readings.mesh_size,
         "remarks": readings.remarks,
         "exceeded_limits": readings.exceeded_limits,
+        "finishes": readings.finishes,
         "pads": readings.pads,
         "roof_errors": [None if error is None else asdict(error) for error in readings.roof_errors],
         "seconds": kept.seconds,
@@ -392,6 +393,7 @@ def _kept(arrays: Mapping[str, np.ndarray]) -> StoredResult:
     _require(positions is None or (positions.shape == (replicates.shape[1], 2) and positions.dtype == float))
     _require(all(isinstance(word, str) for word in (*words["remarks"], *files)) and _is_seconds(seconds))
     _require(all(isinstance(stretch, float) for stretch in words.get("exceeded_limits", {}).values()))
+    _require(all(isinstance(finish, str) for finish in words.get("finishes", {}).values()))
     readings = Readings(
         replicates,
         seconds=seconds,
