@@ -115,6 +115,8 @@ class DeformablePad(Specification, Kinded):
     top_y: float | None = _of_pad("top_y")
     meshed_as: str | None = _of_pad("meshed_as")
     fillet: float | None = _of_pad("fillet")
+    mouth_fillet: float | None = _of_pad("mouth_fillet")
+    outer_fillet: float | None = _of_pad("outer_fillet")
 
     material: str = kind(
         "neo_hookean",

@@ -125,7 +125,7 @@ def relief_of(finish: Finish | SeparateFinish, smooth: SmoothSurface) -> Relief:
 def has_vertical_sides(pad: Pad) -> bool:
     """Whether the sides of the cells of a pad are vertical all around."""
     inwards, down = pad.shape.wall_tangents()[0]
-    return abs(inwards) < ALONG * abs(down) and not any(pad.slope) and not pad.fillet
+    return abs(inwards) < ALONG * abs(down) and not any(pad.slope) and not (pad.fillet or pad.mouth_fillet)
 
 
 def check_finish(finish: Finish | SeparateFinish, pad: Pad, mesh: VolumeMesh, subdivision: int) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.kinds import Kind
+from mitsuba_taxel.pads.cells.mouth import Mouth, mouth
 from mitsuba_taxel.parameters import Number
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ class Dimensions(Protocol):
     def wall(self) -> float: ...
     @property
     def fillet(self) -> float: ...
+    @property
+    def mouth(self) -> Mouth | None: ...
     @property
     def extent(self) -> tuple[float, float, float]: ...
 
@@ -308,6 +311,32 @@ class CellShape(Kind, family="cell"):
             f"fillet = {radius:g} is not allowed: the edges of these {self.name} cells cannot be rounded, 0 is needed."
         )
 
+    def mouth(self, radius: float, beside: float) -> Mouth:
+        """The rounded edge of the cell's mouth.
+
+        Parameters
+        ----------
+        radius : float
+            Radius of the fillet, mm.
+        beside : float
+            Thickness of the silicone beside the mouth that belongs to this cell, mm.
+
+        Returns
+        -------
+        Mouth
+            The fillet, with lengths in mm.
+
+        Raises
+        ------
+        InputError
+            if the mouth of this shape cannot be rounded, or not by this radius.
+        """
+        fillet = self.pad.fillet
+        straight = float(self.filleted(fillet).outline()[-2, 1]) if fillet else self.side_height
+        inwards, down = self.wall_tangents()[0]
+        corner = fillet if self.is_square else None
+        return mouth("mouth_fillet", self.radius, radius, float(inwards / down), corner, straight, beside)
+
     @abstractmethod
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
         """Mask of the points that lie within the cell.
@@ -409,6 +438,8 @@ class CellShape(Kind, family="cell"):
             Points (x, z) from the board over the roof to the board, relative to the middle of the mouth, mm.
         """
         half = self.filleted(self.pad.fillet).outline() if self.pad.fillet else self.outline()
+        if self.pad.mouth is not None:
+            half = np.concatenate([half[:-1], self.pad.mouth.outline()])
         outline = np.concatenate([half[::-1] * [-1, 1], half])
         return outline + outline[:, 1:] * [self.pad.slope[0], 0.0]
 

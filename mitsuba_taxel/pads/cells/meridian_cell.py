@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.caches import kept
+from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.pads.cells.cell_shape import CellShape, Difference
 from mitsuba_taxel.pads.cells.fillet import Fillet
 from mitsuba_taxel.pads.cells.meridian import (
@@ -25,6 +26,7 @@ from mitsuba_taxel.pads.cells.meridian import (
     rim_angle,
     side_meridian,
 )
+from mitsuba_taxel.pads.cells.mouth import Mouth
 from mitsuba_taxel.pads.cells.rim_fillet import rim_fillet
 from mitsuba_taxel.pads.cells.silicone_shifts import Rays, region_planes, shifts_along_rays
 
@@ -107,6 +109,14 @@ class MeridianCell(CellShape):
         if self.is_square:
             return super().filleted(radius)
         return rim_fillet(self.name, self.roof, self.side, radius)
+
+    def mouth(self, radius: float, beside: float) -> Mouth:
+        if self.is_square:
+            raise InputError(
+                f"mouth_fillet = {radius:g} is not allowed: the mouths of {self.name} cells with a square section "
+                "cannot be rounded, 0 is needed."
+            )
+        return super().mouth(radius, beside)
 
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
         across = np.hypot(points[..., 0], points[..., 1])

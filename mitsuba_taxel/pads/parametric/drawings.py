@@ -29,11 +29,13 @@ def solids(pad: Pad) -> dict[str, Any]:
 
     width, depth, height = pad.extent
     x, y = width / 2, depth / 2
-    block = Box(Pnt(-x, -y, 0), Pnt(x, y, height))
+    block = Box(Pnt(-x, -y, 0), Pnt(x, y, height)) if pad.outside is None else pad.outside.solid()
     below = Box(Pnt(-x - MOULD, -y - MOULD, -MOULD - pad.cell_size), Pnt(x + MOULD, y + MOULD, 0))
     silicone, base = block, Box(Pnt(-x - MOULD, -y - MOULD, -MOULD), Pnt(x + MOULD, y + MOULD, 0))
     for centre in pad.cell_centres:
         upright = pad.shape.solid(*centre) if pad.edges is None else pad.edges.solid(*centre, -pad.cell_size)
+        if pad.mouth is not None:
+            upright = upright + pad.mouth.solid(*centre, -pad.cell_size)
         cell = _leaning(upright, pad)
         silicone, base = silicone - cell, base + (cell - below)
     frame = Box(Pnt(-x - MOULD, -y - MOULD, 0), Pnt(x + MOULD, y + MOULD, height)) - block

@@ -82,7 +82,8 @@ def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -
         Derivative in mm per mm.
     """
     axis, count = AXES[name], mesh.corner_count
-    within = np.minimum((0.5 * pad.extent[axis] - np.abs(upright[:, axis])) / pad.wall, 1.0)
+    half, wall = _inside_of_outer_edges(pad, axis)
+    within = np.clip((half - np.abs(upright[:, axis])) / wall, 0.0, 1.0)
     rate = np.zeros_like(upright)
     rate[:, axis] = _rise(pad, upright[:, 2]) * within
     straight = ~on_round_walls(pad, mesh)[count:]
@@ -109,11 +110,12 @@ def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
         return mesh.points
     upright, count = mesh.points.copy(), mesh.corner_count
     for name, axis in AXES.items():
-        x, half, wall = mesh.points[:, axis], 0.5 * pad.extent[axis], pad.wall
+        x, (half, wall) = mesh.points[:, axis], _inside_of_outer_edges(pad, axis)
         shift = getattr(pad, name) * _rise(pad, mesh.points[:, 2])
         inside = x - shift
         near_low, near_high = (-half + (x + half) * wall / (wall + shift), half - (half - x) * wall / (wall - shift))
-        upright[:, axis] = np.where(inside < wall - half, near_low, np.where(inside > half - wall, near_high, inside))
+        leant = np.where(inside < wall - half, near_low, np.where(inside > half - wall, near_high, inside))
+        upright[:, axis] = np.where(np.abs(x) < half, leant, x)
     straight = ~on_round_walls(pad, mesh)[count:]
     ends = edge_ends(mesh.tets)[straight]
     upright[count:][straight] = mesh.points[count:][straight] - (mesh.points - upright)[ends].mean(axis=1)
@@ -121,7 +123,7 @@ def upright_nodes(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
 
 
 def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
-    """Mask of the nodes on curved walls.
+    """Mask of the nodes on curved walls, and on the outside if its edges are rounded.
 
     Parameters
     ----------
@@ -135,10 +137,16 @@ def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
     (N,) ndarray of bool
         One value for each node.
     """
-    codes = [REGIONS[name] for name in pad.curved_regions]
+    codes = [REGIONS[name] for name in (*pad.curved_regions, *(["outer"] if pad.outside is not None else []))]
     on_wall = np.zeros(len(mesh.points), dtype=bool)
     on_wall[mesh.faces[np.isin(mesh.face_region, codes)]] = True
     return on_wall
+
+
+def _inside_of_outer_edges(pad: DrawnPad, axis: int) -> tuple[float, float]:
+    """Distance of the rounded edges of the outside from the middle along an axis, and from the outer cells, mm."""
+    radius = 0.0 if pad.outside is None else pad.outside.radius
+    return 0.5 * pad.extent[axis] - radius, pad.wall - radius
 
 
 def _rise(pad: DrawnPad, z: np.ndarray) -> np.ndarray:

@@ -18,12 +18,15 @@ from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.untangling import untangled
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.cells.fillet import FILLET
+from mitsuba_taxel.pads.cells.mouth import ROUND_MOUTH
 from mitsuba_taxel.pads.cells.rim_fillet import RimFillet
 from mitsuba_taxel.pads.meshers import require_netgen
 from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
+from mitsuba_taxel.pads.parametric.edge_zones import carried
 from mitsuba_taxel.pads.parametric.grading import cut_towards
 from mitsuba_taxel.pads.parametric.lean import leaning, leans, on_round_walls
-from mitsuba_taxel.pads.parametric.rounding import MOST_CUT, with_round_rims
+from mitsuba_taxel.pads.parametric.outside import ROUND_OUTSIDE
+from mitsuba_taxel.pads.parametric.rounding import MOST_CUT, rounding, sharp_nodes, with_round_rims
 from mitsuba_taxel.pads.parametric.solid import (
     SYMMETRY,
     is_square,
@@ -79,8 +82,12 @@ its limit relative to the thinnest part of the pad and half the cell."""
 
 CORNER = 0.65
 """Size of elements at the corners of cuboid cells, relative to that on fillets."""
+BLUNT, WIDEST_BLUNT = 0.6, 0.3
+"""Size of elements on the fillets of mouths and of the outside, relative to the radius; and the largest radius with
+which they are meshed, if they are narrower, relative to the thinnest part beside them."""
 STRAIGHT = 1e-6
-"""Distance of a midpoint from the chord, relative to the radius of the fillets, at which an edge counts as straight."""
+"""Distance of a midpoint from the chord, relative to the radius of the fillets of cuboid cells, or else to the size of
+the cells, at which an edge counts as straight."""
 
 MESHING_LOCK = threading.RLock()
 """Lock for all calls of Netgen, which is not thread-safe."""
@@ -179,14 +186,37 @@ def _symmetric_mesh(pad: DrawnPad, mesh_size: float, refinement: float) -> Volum
     """The mesh of the symmetric part of the upright pad.
 
     Elements at singular and at rounded edges are cut, and nodes are moved onto the exact walls; see `rounding`."""
+    if pad.mouth is not None or pad.outside is not None:
+        wide = _with_wide_edges(pad, _local_sizes(pad, mesh_size)[1] / refinement)
+        mesh = _with_wide_or_sharp_edges(wide, mesh_size, refinement)
+        if not worst_element(mesh)[0] >= 0.5 * LEAST_QUALITY:
+            return mesh
+        if wide.mouth_fillet != pad.mouth_fillet or wide.outer_fillet != pad.outer_fillet:
+            mesh = replace(mesh, points=snapped(_narrowed(mesh, wide, pad), pad))
+        return untangled(mesh, LEAST_QUALITY)
+    return _with_wide_or_sharp_edges(pad, mesh_size, refinement)
+
+
+def _with_wide_edges(pad: DrawnPad, edge_size: float) -> DrawnPad:
+    """The pad with fillets of mouths and of the outside that are about as wide as elements along edges, mm."""
+    thinnest = min(pad.wall, 0.5 * (pad.pitch - pad.cell_size) if pad.rows * pad.columns > 1 else math.inf)
+    radii = [pad.mouth_fillet, pad.outer_fillet]
+    rooms = [min(thinnest, pad.side_height - pad.fillet), thinnest]
+    wide = (min(WIDTH * edge_size, WIDEST_BLUNT * room) for room in rooms)
+    return pad.with_blunt_edges(*(max(r, width) if r else 0.0 for r, width in zip(radii, wide, strict=True)))
+
+
+def _with_wide_or_sharp_edges(pad: DrawnPad, mesh_size: float, refinement: float) -> VolumeMesh:
+    """The mesh of the symmetric part of an upright pad, whose fillets of mouths and of the outside are meshed as they
+    are."""
     edges, below = pad.edges, -pad.cell_size
     if edges is None:
         mesh = _generated(pad, mesh_size, refinement)
         mesh = cut_towards(mesh, singular_nodes(mesh, pad), CUT)
         return replace(mesh, points=snapped(rounded(mesh, pad), pad))
-    sharp = pad.with_fillet(0.0)
-    edge_size = _local_sizes(sharp, mesh_size)[1] / refinement
+    edge_size = _local_sizes(pad, mesh_size)[1] / refinement
     if isinstance(edges, RimFillet):
+        sharp = pad.with_fillet(0.0)
         marked = edges.width > MOST_CUT * edge_size
         cell = partial(edges.marked_solid, below=below) if marked else None
         mesh = with_round_rims(_generated(sharp, mesh_size, refinement, cell, edges.width), pad, CUT, marked)
@@ -205,10 +235,14 @@ def _symmetric_mesh(pad: DrawnPad, mesh_size: float, refinement: float) -> Volum
 
 def _narrowed(mesh: VolumeMesh, wide: DrawnPad, pad: DrawnPad) -> np.ndarray:
     """Nodes (N, 3) of a mesh moved from the pad with wide fillets. Midpoints of straight edges remain midpoints."""
-    points = mesh.points + wide.shape.shifts(pad.shape, mesh.points, lambda _: np.zeros(0))
+    sharp = sharp_nodes(wide, mesh, mesh.points)
+    points = sharp + wide.shape.shifts(pad.shape, sharp, lambda function: function(pad.shape) - function(wide.shape))
+    points = carried(wide, pad, sharp, points)
+    points += rounding(pad, mesh, points)
     ends = edge_ends(mesh.tets)
     middles = mesh.points[ends].mean(axis=1)
-    straight = np.linalg.norm(mesh.points[mesh.corner_count :] - middles, axis=1) < STRAIGHT * wide.fillet
+    tolerance = STRAIGHT * (wide.fillet or pad.cell_size)
+    straight = np.linalg.norm(mesh.points[mesh.corner_count :] - middles, axis=1) < tolerance
     straight &= ~on_round_walls(pad, mesh)[mesh.corner_count :]
     points[mesh.corner_count :][straight] = points[ends[straight]].mean(axis=1)
     return points
@@ -237,14 +271,20 @@ def _generated(
             curvature_safety = min(curvature_safety, 0.5 * pad.cell_size / face_size)
         if shape.is_square and pad.fillet:
             curvature_safety = min(curvature_safety, pad.fillet / fillet_size)
+        if (pad.mouth_fillet or pad.outer_fillet) and not shape.has_curved_rim:
+            curvature_safety = min(curvature_safety, 1 / BLUNT)
         try:
             solid = symmetric_part(pad, cell or pad.shape.solid).Scale(Pnt(0, 0, 0), 1 / unit)
             for face in solid.faces:
                 if face.name in ("roof", "side"):
                     face.maxh = face_size / unit
+                if face.name == ROUND_MOUTH:
+                    face.maxh = min(face_size, BLUNT * pad.mouth_fillet) / unit
+                if face.name == ROUND_OUTSIDE:
+                    is_corner = _largest_side(face) < 1.01 * pad.outer_fillet / unit
+                    face.maxh = (CORNER if is_corner else 1.0) * BLUNT * pad.outer_fillet / unit
                 if face.name == FILLET:
-                    low, high = face.bounding_box
-                    is_corner = max(high.x - low.x, high.y - low.y, high.z - low.z) < 1.01 * pad.fillet / unit
+                    is_corner = _largest_side(face) < 1.01 * pad.fillet / unit
                     face.maxh = min(face_size, CORNER * fillet_size if is_corner else fillet_size) / unit
                 if slender and face.name == "roof" and shape.roof_radius:
                     face.maxh = min(face_size, shape.roof_radius / CURVATURE_SAFETY / refinement) / unit
@@ -265,6 +305,12 @@ def _generated(
                 f"meshing the pad failed: {reason}. Choose another mesh_size than {mesh_size:g}."
             ) from error
         return _read(mesh, pad, unit)
+
+
+def _largest_side(face: Any) -> float:
+    """Largest side of the box that bounds a face of a solid."""
+    low, high = face.bounding_box
+    return float(max(high.x - low.x, high.y - low.y, high.z - low.z))
 
 
 def _local_sizes(pad: DrawnPad, mesh_size: float) -> tuple[float, float]:
@@ -310,7 +356,9 @@ def _read(mesh: Any, pad: DrawnPad, unit: float) -> VolumeMesh:
     surface = mesh.Elements2D().NumPy()
     tets = mesh.Elements3D().NumPy()["nodes"][:, _NETGEN_TET].astype(np.int64) - 1
     faces = surface["nodes"][:, _NETGEN_FACE].astype(np.int64) - 1
-    names = [mesh.GetBCName(int(i)).replace(FILLET, "side") for i in range(surface["index"].max())]
+    of_fillets = {FILLET: "side", ROUND_MOUTH: "side", ROUND_OUTSIDE: "outer"}
+    names = [mesh.GetBCName(int(i)) for i in range(surface["index"].max())]
+    names = [of_fillets.get(name, name) for name in names]
     region = np.array([REGIONS.get(name, 0) for name in names])[surface["index"] - 1]
     assert set(names) <= {*REGIONS, SYMMETRY}, names
     points = snapped(points, pad)

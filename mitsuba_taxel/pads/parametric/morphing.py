@@ -13,6 +13,7 @@ from mitsuba_taxel.geometry.element_maps import worst_element
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
+from mitsuba_taxel.pads.parametric.edge_zones import carried
 from mitsuba_taxel.pads.parametric.lean import leaning, leans, on_round_walls, upright_nodes
 from mitsuba_taxel.pads.parametric.meshing import snapped
 from mitsuba_taxel.pads.parametric.rounding import rounding, sharp_nodes
@@ -63,7 +64,7 @@ def moved_onto(pad: DrawnPad, origin: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
 
 
 def _morphed_nodes(origin: DrawnPad, pad: DrawnPad, sharp: np.ndarray) -> np.ndarray:
-    """Nodes (N, 3) of the target with upright cells and sharp rims.
+    """Nodes (N, 3) of the target with upright cells and sharp edges.
 
     Mirror images of nodes move to mirror images, to the last bit."""
     sign = np.where(sharp < 0, -1.0, 1.0)
@@ -74,7 +75,7 @@ def _morphed_nodes(origin: DrawnPad, pad: DrawnPad, sharp: np.ndarray) -> np.nda
 
     start, target = origin.shape, pad.shape
     shifts = start.shifts(target, nodes, lambda function: function(target) - function(start))
-    morphed = snapped(nodes + shifts, pad)[image.ravel()]
+    morphed = snapped(carried(origin, pad, nodes, nodes + shifts), pad)[image.ravel()]
     morphed[swapped, :2] = morphed[swapped, 1::-1]
     return sign * morphed
 

@@ -16,6 +16,7 @@ from mitsuba_taxel.base.sources import own_code
 from mitsuba_taxel.pads.cells import CellShape, Shaft
 from mitsuba_taxel.pads.cells.meridian import as_text
 from mitsuba_taxel.pads.cells.profile import MOST_POINTS, Profile
+from mitsuba_taxel.pads.parametric.outside import Outside, outside
 from mitsuba_taxel.parameters import REQUIRED, Kinded, Points, choice, kind, number, parameter_field, text, whole
 
 if TYPE_CHECKING:
@@ -23,11 +24,14 @@ if TYPE_CHECKING:
 
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
     from mitsuba_taxel.pads.cells.fillet import Fillet
+    from mitsuba_taxel.pads.cells.mouth import Mouth
 
 CELL_SHAPES = tuple(name for name, shape in CellShape.kinds().items() if issubclass(shape, Shaft))
 """The shapes with a vertical side: those of the paper."""
 LENGTHS = ("pitch", "wall", "height", "cell_size", "cell_height", "top_x", "top_y")
 """Names of the dimensions of all pads."""
+FILLETS = ("fillet", "mouth_fillet", "outer_fillet")
+"""Names of the dimensions that are radii of rounded edges, and 0 for sharp ones."""
 
 DEFAULT_MESH_SIZE = 1.25
 """Default size of the finite elements, in mm, for a pad with cells and walls like the paper's."""
@@ -120,8 +124,24 @@ class Pad(Kinded, Displayed):
         0.0,
         "mm",
         "Radius of the rounded edge between roof and side, and of the upright edges of a parallelepiped; 0 for sharp "
-        "edges. Fillets belong to the side, and are sheared with cells that lean. The edges of the cell's mouth and of "
-        "the outside of the pad remain sharp.",
+        "edges. Fillets belong to the side, and are sheared with cells that lean.",
+        minimum=0,
+        common=(0.005, 20),
+    )
+    mouth_fillet: float = number(
+        0.0,
+        "mm",
+        "Radius of the rounded edge of the mouth of cells, between the side and the bottom; 0 for sharp edges. The "
+        "silicone below it is missing: the pad is glued to the board from the end of the fillet on, and the fillet "
+        "belongs to the side. `cell_size` is the width above the fillet, as if the side went on down to the board.",
+        minimum=0,
+        common=(0.005, 20),
+    )
+    outer_fillet: float = number(
+        0.0,
+        "mm",
+        "Radius of the rounded edges of the outside of the pad, upright and around the top, which becomes smaller; 0 "
+        "for sharp edges. The edges at the board remain sharp.",
         minimum=0,
         common=(0.005, 20),
     )
@@ -166,6 +186,12 @@ class Pad(Kinded, Displayed):
         self.shape.check_side(thinnest)
         if self.fillet:
             self.shape.filleted(self.fillet)
+        _ = self.outside, self.mouth  # raise if they do not fit
+        if self.mouth_fillet and self.shape.is_square and not self.fillet:
+            raise InputError(
+                f"mouth_fillet = {self.mouth_fillet:g} is not allowed with fillet = 0: {self.cell} cells whose mouth "
+                "is rounded need rounded upright edges, too."
+            )
 
     def changed(self, **dimensions: Any) -> Pad:
         """The pad with other dimensions, as named in `dimensions`; an unset `cell_height` takes its new default.
@@ -233,6 +259,8 @@ class Pad(Kinded, Displayed):
                     f"meshed_as = {self.meshed_as!r} is not allowed: 'name=value' of dimensions, separated by commas, "
                     f"is needed; names are {', '.join(self.dimensions)}."
                 )
+            if name in FILLETS[1:] and not value[0]:
+                raise InputError(f"meshed_as: {name} = 0 is not allowed: a length above 0 is needed, as for this pad.")
             dimensions[name] = value[0]
         try:
             return replace(self, meshed_as="").changed(**dimensions)
@@ -260,9 +288,9 @@ class Pad(Kinded, Displayed):
     def dimensions(self) -> dict[str, float]:
         """Values that change continuously: lengths in mm, and r and z of each point of a profile, as ``profile_r1``.
 
-        Sharp edges have no `fillet` that could become smaller."""
-        fillet = {"fillet": self.fillet} if self.fillet else {}
-        return {name: getattr(self, name) for name in LENGTHS} | fillet | dict(self.shape.dimensions)
+        Sharp edges have no fillet that could become smaller."""
+        fillets = {name: getattr(self, name) for name in FILLETS if getattr(self, name)}
+        return {name: getattr(self, name) for name in LENGTHS} | fillets | dict(self.shape.dimensions)
 
     @property
     def shape(self) -> CellShape:
@@ -289,10 +317,43 @@ class Pad(Kinded, Displayed):
         """
         return replace(self, fillet=radius, meshed_as="")
 
+    def with_blunt_edges(self, mouth: float, outer: float) -> Self:
+        """The same pad with other fillets of mouths and of the outside; it is meshed itself.
+
+        Parameters
+        ----------
+        mouth, outer : float
+            Values of `mouth_fillet` and `outer_fillet`, mm.
+
+        Returns
+        -------
+        Pad
+            A new pad.
+        """
+        return replace(self, mouth_fillet=mouth, outer_fillet=outer, meshed_as="")
+
+    @property
+    def mouth(self) -> Mouth | None:
+        """The rounded edge of the mouth of a cell, upright; None if it is sharp."""
+        if not self.mouth_fillet:
+            return None
+        between = 0.5 * (self.pitch - self.cell_size) if self.rows * self.columns > 1 else math.inf
+        return self.shape.mouth(self.mouth_fillet, min(self.wall - self.outer_fillet, between))
+
+    @property
+    def outside(self) -> Outside | None:
+        """The rounded outside; None if its edges are sharp."""
+        if not self.outer_fillet:
+            return None
+        return outside(self.extent, self.outer_fillet, self.thinnest_wall, self.cell_size)
+
     @property
     def curved_regions(self) -> tuple[str, ...]:
-        """Names of the curved regions among ``roof`` and ``side``, in this order; with fillets, both are curved."""
-        return ("roof", "side") if self.fillet else self.shape.round_regions
+        """Names of the curved regions among ``roof`` and ``side``, in this order; with a `fillet`, both are curved."""
+        if self.fillet:
+            return ("roof", "side")
+        regions = self.shape.round_regions
+        return regions if not self.mouth_fillet or "side" in regions else (*regions, "side")
 
     @property
     def top_of_cell(self) -> float:
@@ -332,7 +393,7 @@ class Pad(Kinded, Displayed):
     @property
     def identity(self) -> dict[str, object]:
         """Values that identify the pad and its meshes, fit for JSON, without defaults of upright and round cells."""
-        usual: dict[str, tuple] = dict.fromkeys(("top_x", "top_y", "fillet"), (0.0,))
+        usual: dict[str, tuple] = dict.fromkeys(("top_x", "top_y", *FILLETS), (0.0,))
         usual |= {"section": (None, "round"), "meshed_as": ("",)}
         values = asdict(self)
         values |= dict(values.pop("kind_values"))

@@ -46,9 +46,14 @@ def onto_round_walls(
     projected, gradient = points.copy(), np.tile(np.eye(3), (len(points), 1, 1))
     axis = np.zeros_like(points)
     axis[:, :2] = np.array([(0.0, 0.0), *pad.cell_centres])[cell]
-    shape, edges = pad.shape, pad.edges
-    for name in pad.curved_regions:
-        selected = (region == REGIONS[name]) & (cell > 0)
+    shape, edges, mouth = pad.shape, pad.edges, pad.mouth
+    in_mouth = np.zeros(len(points), dtype=bool)
+    if mouth is not None:
+        in_mouth = (region == REGIONS["side"]) & (cell > 0) & (points[:, 2] < mouth.height)
+        on_arc, gradient[in_mouth] = mouth.onto_arc(points[in_mouth] - axis[in_mouth])
+        projected[in_mouth] = axis[in_mouth] + on_arc
+    for name in pad.curved_regions if edges is not None else shape.round_regions:
+        selected = (region == REGIONS[name]) & (cell > 0) & ~in_mouth
         if edges is not None:
             on_wall, gradient[selected] = edges.onto_wall(points[selected] - axis[selected])
             projected[selected] = axis[selected] + on_wall

@@ -19,10 +19,12 @@ import numpy as np
 from mitsuba_taxel.geometry.refinement import bisected
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
+from mitsuba_taxel.pads.cells.mouth import Mouth
 from mitsuba_taxel.pads.cells.rim_fillet import RimFillet
 from mitsuba_taxel.pads.parametric.drawn_pad import DrawnPad
 from mitsuba_taxel.pads.parametric.grading import cut_towards
-from mitsuba_taxel.pads.parametric.solid import nearest_axis, on_region, rounded, singular_nodes
+from mitsuba_taxel.pads.parametric.outside import Outside
+from mitsuba_taxel.pads.parametric.solid import nearest_axis, on_mouths, on_region, rounded, singular_nodes
 from mitsuba_taxel.pads.regions import REGIONS
 
 ON_RIM = 1e-6
@@ -81,7 +83,8 @@ def with_round_rims(mesh: VolumeMesh, pad: DrawnPad, at_sharp_edges: float, mark
 def _with_round_mouths(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
     """The N nodes (N, 3), after those at the mouths of cells are moved exactly onto the circles of the mouths."""
     points, mouth = mesh.points.copy(), on_region(mesh, "side") & on_region(mesh, "bottom")
-    points[mouth] = _on_circle(pad, points[mouth], 0.5 * pad.cell_size, 0.0)
+    width = 0.0 if pad.mouth is None else pad.mouth.width
+    points[mouth] = _on_circle(pad, points[mouth], 0.5 * pad.cell_size + width, 0.0)
     return points
 
 
@@ -111,9 +114,9 @@ def _cut_between_rims(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
 
 
 def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray, origin: DrawnPad | None = None) -> np.ndarray:
-    """Displacements of nodes from the pad with sharp rims to the one with rounded rims, both upright.
+    """Displacements of nodes from the pad with sharp edges to the one with rounded edges, both upright.
 
-    Midpoints of straight edges remain midpoints. Cuboid cells have none: `wall_planes` contain their fillets.
+    Midpoints of straight edges remain midpoints. The rims of cuboid cells stay: `wall_planes` contain their fillets.
 
     Parameters
     ----------
@@ -122,7 +125,7 @@ def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray, origin: DrawnPa
     mesh : VolumeMesh
         Mesh of the pad; only its elements and regions are used.
     sharp : (N, 3) ndarray
-        Nodes of the pad with sharp rims, mm.
+        Nodes of the pad with sharp edges, mm.
     origin : DrawnPad, optional
         The pad for which the mesh was made: nodes move with the border between roof and fillet.
 
@@ -136,11 +139,14 @@ def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray, origin: DrawnPa
     def onto_wall(rim: RimFillet, points: np.ndarray) -> np.ndarray:
         return rim.onto_wall(rim.slid(points, before) if isinstance(before, RimFillet) else points)[0]
 
-    return _displacement(pad, mesh, sharp, onto_wall)
+    def onto_arc(mouth: Mouth, points: np.ndarray) -> np.ndarray:
+        return mouth.onto_arc(points)[0]
+
+    return _displacement(pad, mesh, sharp, onto_wall, onto_arc, Outside.onto_rounded)
 
 
 def sharp_nodes(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
-    """Nodes of the pad with sharp rims: the inverse of adding :func:`rounding`.
+    """Nodes of the pad with sharp edges: the inverse of adding :func:`rounding`.
 
     Parameters
     ----------
@@ -149,29 +155,47 @@ def sharp_nodes(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndar
     mesh : VolumeMesh
         Mesh of the pad; only its elements and regions are used.
     upright : (N, 3) ndarray
-        Nodes of the upright pad with rounded rims, mm.
+        Nodes of the upright pad with rounded edges, mm.
 
     Returns
     -------
     (N, 3) ndarray
         Positions in mm.
     """
-    return upright + _displacement(pad, mesh, upright, RimFillet.onto_sharp_wall)
+    return upright + _displacement(
+        pad, mesh, upright, RimFillet.onto_sharp_wall, Mouth.onto_sharp_edge, Outside.onto_sharp
+    )
 
 
 def _displacement(
-    pad: DrawnPad, mesh: VolumeMesh, points: np.ndarray, onto: Callable[[RimFillet, np.ndarray], np.ndarray]
+    pad: DrawnPad,
+    mesh: VolumeMesh,
+    points: np.ndarray,
+    rims: Callable[[RimFillet, np.ndarray], np.ndarray],
+    mouths: Callable[[Mouth, np.ndarray], np.ndarray],
+    sides: Callable[[Outside, np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Displacements (N, 3) of nodes: by the projection ``onto`` for nodes on walls, by the mean of the ends for
-    midpoints of edges inside; 0 for others."""
-    displacement, edges = np.zeros_like(points), pad.edges
-    if not isinstance(edges, RimFillet):
+    """Displacements (N, 3) of the nodes: by projections for nodes on walls at rims, on fillets of mouths and on the
+    outside; by the mean of the ends for midpoints of edges inside; 0 for others."""
+    displacement, moved = np.zeros_like(points), np.zeros(len(points), dtype=bool)
+    in_mouth = on_mouths(mesh, pad, points)
+    if isinstance(pad.edges, RimFillet):
+        on_walls = (on_region(mesh, "roof") | on_region(mesh, "side")) & ~in_mouth
+        within = _within_cells(pad, points[on_walls])
+        displacement[on_walls] = rims(pad.edges, within) - within
+        moved |= on_walls
+    if pad.mouth is not None:
+        within = _within_cells(pad, points[in_mouth])
+        displacement[in_mouth] = mouths(pad.mouth, within) - within
+        moved |= on_region(mesh, "side")
+    if pad.outside is not None:
+        outer = on_region(mesh, "outer")
+        displacement[outer] = sides(pad.outside, points[outer]) - points[outer]
+        moved |= outer
+    if not moved.any():
         return displacement
-    on_walls = on_region(mesh, "roof") | on_region(mesh, "side")
-    within = _within_cells(pad, points[on_walls])
-    displacement[on_walls] = onto(edges, within) - within
     count = mesh.corner_count
-    straight = ~on_walls[count:]
+    straight = ~moved[count:]
     displacement[count:][straight] = displacement[edge_ends(mesh.tets)[straight]].mean(axis=1)
     return displacement
 

@@ -35,17 +35,29 @@ def symmetric_part(pad: DrawnPad, cell: Callable[[float, float], Any]) -> Any:
     netgen.occ.TopoDS_Shape
         Solid whose faces are named by their regions.
     """
-    from netgen.occ import Box, Pnt
-
-    width, depth, height = pad.extent
-    solid = Box(Pnt(0, 0, 0), Pnt(0.5 * width, 0.5 * depth, height))
-    for face in solid.faces:
-        face.name = _name_of_box_face(face.center, pad)
+    solid = _quadrant(pad)
     if is_square(pad):
         solid = solid - _beyond_diagonal(pad)
     for x, y in pad.cell_centres:
         if min(x, y) > -0.5 * pad.cell_size and not (is_square(pad) and y - x > pad.cell_size):
             solid = solid - cell(x, y)
+            if pad.mouth is not None:
+                solid = solid - pad.mouth.solid(x, y, -pad.cell_size)
+    return solid
+
+
+def _quadrant(pad: DrawnPad) -> Any:
+    """The part x, y >= 0 of the pad without cells."""
+    from netgen.occ import Box, Pnt
+
+    width, depth, height = pad.extent
+    if pad.outside is not None:
+        part = Box(Pnt(0, 0, -height), Pnt(width, depth, 2 * height))
+        part.faces.name = SYMMETRY
+        return part * pad.outside.solid()
+    solid = Box(Pnt(0, 0, 0), Pnt(0.5 * width, 0.5 * depth, height))
+    for face in solid.faces:
+        face.name = _name_of_box_face(face.center, pad)
     return solid
 
 
@@ -140,13 +152,42 @@ def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
         Positions in mm.
     """
     axis = np.column_stack([nearest_axis(mesh.points, pad), np.zeros(len(mesh.points))])
+    in_mouth = on_mouths(mesh, pad, mesh.points)
     if pad.edges is not None:
         points = mesh.points.copy()
-        on_walls = on_region(mesh, "roof") | on_region(mesh, "side")
+        on_walls = (on_region(mesh, "roof") | on_region(mesh, "side")) & ~in_mouth
         points[on_walls] = axis[on_walls] + pad.edges.onto_wall(points[on_walls] - axis[on_walls])[0]
-        return points
-    on = {name: on_region(mesh, name) for name in ("roof", "side", "bottom")}
-    return pad.shape.rounded(mesh.points, axis, on)
+    else:
+        on = {name: on_region(mesh, name) & ~in_mouth for name in ("roof", "side", "bottom")}
+        points = pad.shape.rounded(mesh.points, axis, on)
+    if pad.mouth is not None:
+        points[in_mouth] = axis[in_mouth] + pad.mouth.onto_arc(points[in_mouth] - axis[in_mouth])[0]
+    if pad.outside is not None:
+        outer = on_region(mesh, "outer")
+        points[outer] = pad.outside.onto_rounded(points[outer])
+    return points
+
+
+def on_mouths(mesh: VolumeMesh, pad: DrawnPad, points: np.ndarray) -> np.ndarray:
+    """Mask of the nodes on the fillets of mouths.
+
+    Parameters
+    ----------
+    mesh : VolumeMesh
+        Mesh of the pad; only its elements and regions are used.
+    pad : DrawnPad
+        The pad, with lengths in mm.
+    points : (N, 3) ndarray
+        Nodes of the pad, with sharp or rounded mouths, mm.
+
+    Returns
+    -------
+    (N,) ndarray of bool
+        Mask of the nodes; none for sharp mouths.
+    """
+    if pad.mouth is None:
+        return np.zeros(len(points), dtype=bool)
+    return on_region(mesh, "side") & (points[:, 2] < pad.mouth.height)
 
 
 def nearest_axis(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
@@ -164,10 +205,27 @@ def nearest_axis(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
     (N, 2) ndarray
         x and y of the axes, mm.
     """
+    return np.array(pad.cell_centres)[nearest_cells(points, pad)]
+
+
+def nearest_cells(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
+    """Index of the cell nearest to each point.
+
+    Parameters
+    ----------
+    points : (N, 3) ndarray
+        Positions in mm.
+    pad : DrawnPad
+        Pad with its cells.
+
+    Returns
+    -------
+    (N,) ndarray of int
+        Indices into `cell_centres`.
+    """
     from scipy.spatial import cKDTree
 
-    centres = np.array(pad.cell_centres)
-    return centres[cKDTree(centres).query(points[:, :2])[1]]
+    return cKDTree(np.array(pad.cell_centres)).query(points[:, :2])[1]
 
 
 def on_region(mesh: VolumeMesh, region: str) -> np.ndarray:

@@ -12,8 +12,9 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.second_order import edge_ends
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.pads.cells import CellShape
+from mitsuba_taxel.pads.parametric.edge_zones import carried
 from mitsuba_taxel.pads.parametric.lean import AXES, lean, lean_rate, leans, on_round_walls, upright_nodes
-from mitsuba_taxel.pads.parametric.pad import Pad
+from mitsuba_taxel.pads.parametric.pad import FILLETS, Pad
 from mitsuba_taxel.pads.parametric.rounding import rounding, sharp_nodes
 from mitsuba_taxel.parameters import parameters_of
 
@@ -44,8 +45,8 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     mesh : VolumeMesh
         Mesh of the pad, undeformed: ``state.mesh`` of its states.
     parameter : str
-        Name of the dimension: pitch, wall, height, cell_size, cell_height, top_x, top_y, fillet if it is above 0, or a
-        coordinate of a point of a profile, such as ``profile_r1``.
+        Name of the dimension: pitch, wall, height, cell_size, cell_height, top_x, top_y, a fillet, such as
+        mouth_fillet, if it is above 0, or a coordinate of a point of a profile, such as ``profile_r1``.
 
     Returns
     -------
@@ -59,8 +60,8 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
     """
     require("pad", pad, Pad, "a Pad")
     require("mesh", mesh, VolumeMesh, "a VolumeMesh")
-    if isinstance(parameter, str) and parameter == "fillet" and not pad.fillet:
-        raise refusal("parameter", parameter, "a pad with a fillet above 0 is needed")
+    if isinstance(parameter, str) and parameter in FILLETS and not getattr(pad, parameter):
+        raise refusal("parameter", parameter, f"a pad with a {parameter} above 0 is needed")
     if not (isinstance(parameter, str) and parameter in pad.dimensions):
         is_parameter = isinstance(parameter, str) and parameter in parameters_of(Pad)
         reason = "it does not change continuously" if is_parameter else f"one of {', '.join(pad.dimensions)} is needed"
@@ -75,10 +76,14 @@ def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
         return step * rate_by(pad, parameter, SHAPE_STEP, lambda changed, _: function(changed.shape))
 
     velocity = pad.shape.shifts(target.shape, sharp, difference) / step
+    if pad.mouth is not None or pad.outside is not None:
+        velocity = rate_by(
+            pad, parameter, FILLET_STEP, lambda changed, step: carried(pad, changed, sharp, sharp + step * velocity)
+        )
     middles = velocity[mesh.corner_count :]
     straight = ~on_round_walls(pad, mesh)[mesh.corner_count :]
     middles[straight] = velocity[edge_ends(mesh.tets)[straight]].mean(axis=1)
-    if pad.fillet:
+    if pad.fillet or pad.mouth is not None or pad.outside is not None:
         velocity = velocity + rate_by(
             pad, parameter, FILLET_STEP, lambda changed, step: rounding(changed, mesh, sharp + step * velocity, pad)
         )

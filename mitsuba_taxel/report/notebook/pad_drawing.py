@@ -118,21 +118,32 @@ def _section_path(pad: Pad, centres: Iterable[float], view: _PlaneView) -> str:
     half, radius, sphere = 0.5 * pad.extent[0], 0.5 * pad.cell_size, pad.shape.roof_radius
     path = f"M{_pair(view.at(-half, 0))}"
     for x in centres:
-        if sphere is None or pad.top_x or pad.fillet:
+        if sphere is None or pad.top_x or pad.fillet or pad.mouth_fillet:
             path += "".join(f"L{_pair(view.at(x + offset, z))}" for offset, z in pad.shape.section().tolist())
             continue
         arc = f"{view.scale * sphere:.2f}"
         roof = f"A{arc} {arc} 0 0 1 " if math.isfinite(sphere) else "L"
         path += f"L{_pair(view.at(x - radius, 0))}L{_pair(view.at(x - radius, pad.side_height))}"
         path += f"{roof}{_pair(view.at(x + radius, pad.side_height))}L{_pair(view.at(x + radius, 0))}"
-    corners = [(half, 0.0), (half, pad.height), (-half, pad.height)]
-    return path + "".join(f"L{_pair(view.at(*corner))}" for corner in corners) + "Z"
+    radius, top = pad.outer_fillet, pad.height
+    path += f"L{_pair(view.at(half, 0.0))}"
+    arc = f"A{view.scale * radius:.2f} {view.scale * radius:.2f} 0 0 0 "
+    for start, end in (((half, top - radius), (half - radius, top)), ((radius - half, top), (-half, top - radius))):
+        path += f"L{_pair(view.at(*start))}" + (f"{arc}{_pair(view.at(*end))}" if radius else "")
+    return path + "Z"
 
 
 def _plan_path(pad: Pad, view: _PlaneView) -> str:
     """Outline of the pad and of each cell seen from above, as the data of an SVG path."""
     length, depth, _ = (view.scale * extent for extent in pad.extent)
-    path = f"M{_pair(view.at(-0.5 * pad.extent[0], 0.5 * pad.extent[1]))}h{length:.2f}v{depth:.2f}h{-length:.2f}Z"
+    outer = view.scale * pad.outer_fillet
+    x, y = view.at(-0.5 * pad.extent[0], 0.5 * pad.extent[1])
+    path = f"M{_pair((x + outer, y))}"
+    sides = (("h", length, (1, 1)), ("v", depth, (-1, 1)), ("h-", length, (-1, -1)), ("v-", depth, (1, -1)))
+    for line, side, (x_sign, y_sign) in sides:
+        arc = f"a{outer:.2f} {outer:.2f} 0 0 1 {x_sign * outer:.2f} {y_sign * outer:.2f}" if outer else ""
+        path += f"{line}{side - 2 * outer:.2f}{arc}"
+    path += "Z"
     size, radius = view.scale * pad.cell_size, 0.5 * view.scale * pad.cell_size
     for x, y in pad.cell_centres:
         left_end, middle = view.at(x - 0.5 * pad.cell_size, y)

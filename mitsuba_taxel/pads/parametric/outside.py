@@ -1,0 +1,126 @@
+"""Rounded edges of the outside of a pad: upright, and around the top. The edges at the board remain sharp."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.pads.cells.fillet import LEAST, MOST
+
+ROUND_OUTSIDE = "outer_edge"
+"""Name of the rounded faces of the outside of solids."""
+
+
+@dataclass(frozen=True)
+class Outside:
+    """The outside of a block with rounded edges: the surface of the sum of a smaller block and a ball.
+
+    Attributes
+    ----------
+    extent : tuple[float, float, float]
+        Dimensions of the sharp block along x, y and z, mm; its bottom is z = 0, and its centre x = y = 0.
+    radius : float
+        Radius of the ball, mm.
+    """
+
+    extent: tuple[float, float, float]
+    radius: float
+
+    def onto_rounded(self, points: np.ndarray) -> np.ndarray:
+        """The points of the rounded outside that are nearest to points on or near the outside, sharp or rounded.
+
+        Parameters
+        ----------
+        points : (N, 3) ndarray
+            Positions in mm.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            Positions in mm.
+        """
+        nearest, away = self._from_core(points)
+        return nearest + away * (self.radius / np.linalg.norm(away, axis=1))[:, None]
+
+    def onto_sharp(self, points: np.ndarray) -> np.ndarray:
+        """The points of the sharp outside whose images on the rounded one are given.
+
+        Parameters
+        ----------
+        points : (N, 3) ndarray
+            Points on the rounded outside, mm.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            Positions in mm.
+        """
+        nearest, away = self._from_core(points)
+        return nearest + away * (self.radius / np.abs(away).max(axis=1))[:, None]
+
+    def solid(self) -> Any:
+        """The block with rounded edges as a solid, with faces named ``bottom``, ``top``, ``outer`` and
+        `ROUND_OUTSIDE`.
+
+        Returns
+        -------
+        netgen.occ.TopoDS_Shape
+            The solid.
+        """
+        from netgen.occ import Box, Pnt, Z
+
+        x, y, height = 0.5 * self.extent[0], 0.5 * self.extent[1], self.extent[2]
+        block = Box(Pnt(-x, -y, 0), Pnt(x, y, height))
+        block = block.MakeFillet([edge for edge in block.edges if edge.bounding_box[1].z > 0.5 * height], self.radius)
+        for face in block.faces:
+            low, high = face.bounding_box
+            is_plane = min(high.x - low.x, high.y - low.y, high.z - low.z) < 0.01 * self.radius
+            face.name = "outer" if is_plane else ROUND_OUTSIDE
+        block.faces.Min(Z).name = "bottom"
+        block.faces.Max(Z).name = "top"
+        return block
+
+    def _from_core(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Nearest points of the smaller block, which is endless downwards, and vectors from there."""
+        high = np.array([0.5, 0.5, 1.0]) * self.extent - self.radius
+        nearest = np.clip(points, [-high[0], -high[1], -np.inf], high)
+        return nearest, points - nearest
+
+
+def outside(extent: tuple[float, float, float], radius: float, wall: float, cell_size: float) -> Outside:
+    """The rounded outside of a pad.
+
+    Parameters
+    ----------
+    extent : tuple[float, float, float]
+        See `Outside`.
+    radius : float
+        Radius of the fillets, mm.
+    wall : float
+        Thickness of the silicone beside the outermost cells, mm.
+    cell_size : float
+        Width of the cells, mm.
+
+    Returns
+    -------
+    Outside
+        The outside, with lengths in mm.
+
+    Raises
+    ------
+    InputError
+        if the fillets are too small or do not fit.
+    """
+    least, largest = LEAST * cell_size, MOST * min(wall, 0.5 * extent[2])
+    if not least <= radius <= largest:
+        digits = 3 - math.ceil(math.log10(largest))
+        shown = math.floor(largest * (1 + 1e-9) * 10.0**digits) / 10.0**digits
+        raise InputError(
+            f"outer_fillet = {radius:g} is not allowed: 0 for sharp edges, or {least:.3g} to {shown:g} mm is needed, "
+            f"{LEAST:.0%} of cell_size to {MOST:.0%} of the wall and of half the height."
+        )
+    return Outside(extent, radius)
