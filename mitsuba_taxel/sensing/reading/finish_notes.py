@@ -20,7 +20,8 @@ MOST_NAMED = 3
 
 
 def finishes_of(scene: mi.Scene) -> dict[str, str]:
-    """Return the finishes (textures) of the cells of a scene, such as ``{"roof and side": "layer_steps, layer_height = 0.1 mm"}``.
+    """Return the finishes (textures) of the cells of a scene, such as
+    ``{"roof and side": "layer_steps, layer_height = 0.1 mm"}``.
 
     Parameters
     ----------
