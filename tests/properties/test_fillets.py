@@ -6,12 +6,13 @@ from one_cell import one_cell
 
 from mitsuba_taxel import Pad, PadSensor, Scene, measure
 from mitsuba_taxel.pads.parametric.drawings import write_drawings
+from mitsuba_taxel.specification.wall import ABSORBING, Wall
 
 REST = (0.0, 0.0, 0.0)
 
 
-def reading(pad, **arguments):
-    return measure(PadSensor(pad, force=REST).scene(), mechanics_error=False, **arguments)
+def reading(pad, side=ABSORBING, **arguments):
+    return measure(PadSensor(pad, force=REST, side=side).scene(), mechanics_error=False, **arguments)
 
 
 @pytest.mark.parametrize("cell", ["parallelepiped", "cylindrical"])
@@ -21,25 +22,29 @@ def test_light_of_small_fillets_converges_to_that_of_sharp_edges(cell):
     assert 2 * small - wide == pytest.approx(sharp, rel=2e-3)
 
 
-@pytest.mark.parametrize("cell", ["parallelepiped", "cylindrical"])
-def test_the_derivative_by_the_radius_is_that_of_moved_pads(cell):
-    pad, step = Pad(cell, rows=1, columns=1, fillet=0.2), 2e-3
-    derivatives = reading(pad, derivatives=("fillet",)).derivatives
-    ends = [reading(pad.changed(fillet=0.2 + sign * step).moved_from(pad)).power[0] for sign in (1, -1)]
+@pytest.mark.parametrize(
+    ("cell", "name"), [("parallelepiped", "fillet"), ("cylindrical", "fillet"), ("cylindrical", "mouth_fillet")]
+)
+def test_the_derivative_by_the_radius_is_that_of_moved_pads(cell, name):
+    pad, step = Pad(cell, rows=1, columns=1, **{name: 0.2}), 2e-3
+    side = Wall("lambertian", 0.9) if name == "mouth_fillet" else ABSORBING  # below the LED's plane
+    derivatives = reading(pad, side, derivatives=(name,)).derivatives
+    ends = [reading(pad.changed(**{name: 0.2 + sign * step}).moved_from(pad), side).power[0] for sign in (1, -1)]
     rate = (ends[0] - ends[1]) / (2 * step)
     tolerance = 5 * float(np.ravel(derivatives.standard_errors)[0]) + 0.01 * abs(rate)
     assert float(np.ravel(derivatives.values)[0]) == pytest.approx(rate, abs=tolerance)
 
 
-@pytest.mark.parametrize("cell", ["parallelepiped", "cylindrical"])
-def test_a_reading_is_that_of_the_pads_drawing_meshed_by_netgen(cell, tmp_path):
+@pytest.mark.parametrize(("cell", "mouth"), [("parallelepiped", 0.0), ("cylindrical", 0.0), ("cylindrical", 0.25)])
+def test_a_reading_is_that_of_the_pads_drawing_meshed_by_netgen(cell, mouth, tmp_path):
     """A Z-test at 4 standard deviations; equal walls, as faces of a file that round an edge count as roof."""
-    pad = Pad(cell, rows=1, columns=1, fillet=0.3)
+    pad = Pad(cell, rows=1, columns=1, fillet=0.3, mouth_fillet=mouth)
     write_drawings(pad, tmp_path)
-    own = one_cell(cell=cell, mesh_size=1.25).replace("<string", '<float name="fillet" value="0.3"/> <string', 1)
+    fillets = f'<float name="fillet" value="0.3"/> <float name="mouth_fillet" value="{mouth}"/>'
+    own = one_cell(cell=cell, mesh_size=1.25).replace("<string", f"{fillets} <string", 1)
     walls = '<bsdf name="side" type="wall"> <string name="scattering" value="lambertian"/> </bsdf>'
     own = own.replace('<bsdf name="roof"', f'{walls} <bsdf name="roof"')
-    drawn = own.replace('<float name="fillet" value="0.3"/>', f'<string name="filename" value="{tmp_path}/pad.step"/>')
+    drawn = own.replace(fillets, f'<string name="filename" value="{tmp_path}/pad.step"/>')
     for name in ("rows", "columns"):
         drawn = drawn.replace(f'<integer name="{name}" value="1"/>', "")
     drawn = drawn.replace(f'<string name="cell" value="{cell}"/>', "")
