@@ -21,11 +21,18 @@ def test_names_are_distinct():
     assert len(names) == len(set(names))
 
 
+def numbers_of(file):
+    """Columns of numbers of a table, to the last digit; pandas before version 3 rounds what it reads."""
+    table = pd.read_csv(file, comment="#")
+    exact = pd.read_csv(file, comment="#", dtype=str)
+    return exact[list(table.select_dtypes("number"))].map(float)
+
+
 @pytest.mark.parametrize("derivatives", [(), ("fz",)])
 def test_tables_hold_every_listed_result_with_and_without_derivatives(tmp_path, derivatives):
     sensor = PadSensor(Pad(rows=1, columns=1), roof=Wall("lambertian", 0.8))
     study = sweep(sensor.scene(), vary={"fz": [0.0, -1.0]}, derivatives=derivatives, output=tmp_path / "study")
-    table = pd.read_csv(tmp_path / "study" / "readings.csv", comment="#", float_precision="round_trip")
+    table = numbers_of(tmp_path / "study" / "readings.csv")
     np.testing.assert_array_equal(table.largest_strain, study.largest_strain)
     np.testing.assert_array_equal(table.mechanics_error_W, study.mechanics_error.squeeze())
     assert table.largest_strain[0] == table.largest_strain_error[0] == 0 < table.largest_strain_error[1]
@@ -46,7 +53,7 @@ def test_studies_by_depth_hold_the_force_the_moment_and_the_place_of_an_indenter
     assert study.reaction_fz[1] < -10 * study.reaction_fz_error[1] < 0 and np.isnan(study.centre_of_pressure_x[0])
     assert study.centre_of_pressure_x[1] == pytest.approx(0.3, abs=0.02)
     assert study.reaction_fz.units == "N" and study.reaction_my.units == "N mm"
-    table = pd.read_csv(tmp_path / "study" / "readings.csv", comment="#", float_precision="round_trip")
+    table = numbers_of(tmp_path / "study" / "readings.csv")
     np.testing.assert_array_equal(table["reaction_fz_N"], study.reaction_fz)
     xr.testing.assert_identical(open_study(tmp_path / "study").reaction_my, study.reaction_my)
     centre = float(json.loads(study.attrs["parameters"])["height"]) + 1.5 - 0.15
