@@ -63,7 +63,7 @@ def test_paths_from_the_phototransistor(tmp_path, integrator, scattering, law, s
     text = text.replace('<float name="reflectance" value="0.9"/>', parameter("scattering", scattering, "string"))
     found = check(tmp_path, change(text, IN_LED, parameter("law", law, "string")))
     assert [finding.severity for finding in found] == ([] if severity is None else [severity])
-    said = "taxel_path: " if severity == "error" else "starts at the phototransistor"
+    said = "taxel_path: " if severity == "error" else "use taxel_tracer"
     assert all(said in finding.message and finding.line == 3 for finding in found)
 
 
