@@ -134,7 +134,7 @@ class Exchange:
         return Exchange(self._starts, *self._ends, self._start[pairs], self._end[pairs], self._box, can_block)
 
     def in_plane(self) -> np.ndarray:
-        """Mask (N,) of the pairs whose ends lie in one plane, and would see each other if it bent inwards."""
+        """Mask (N,) of the pairs whose ends lie in one plane; they would see each other if this plane bent inwards."""
         with _TURN:
             pair = self._pairs()
             most = IN_PLANE * pair.distance

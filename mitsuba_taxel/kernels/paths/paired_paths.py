@@ -118,7 +118,8 @@ def trace_difference(
 
 @dr.syntax
 def _changes(base: PairedState, other: PairedState, pair: TaxelPair, index: mi.UInt32, sampler: mi.Sampler):
-    """Contributions (g - f) / (p + q) times p, in W, of paths that are sampled in the state ``base``."""
+    """Contributions (g - f) / (p + q) in W of paths sampled in the state ``base``: f and p are contribution and density
+    of a path there, g and q those of the moved path in the state ``other``."""
     led, sensor = pair.led, pair.sensor
     clearance = clearance_of(base.scene, pair)
     context = mi.BSDFContext(mi.TransportMode.Importance)

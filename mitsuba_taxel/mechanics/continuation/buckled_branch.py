@@ -94,7 +94,7 @@ class BuckledPad:
         return solution, bordered
 
     def solve_linearised(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
-        """See :meth:`solve_symmetric`; stability is not checked."""
+        """The equilibrium, as from :meth:`solve_symmetric`, but without a check of stability."""
         unknowns = start
         for iteration in range(MOST_ITERATIONS):
             value = self._segment.value(unknowns[-1])

@@ -53,7 +53,7 @@ def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
 
 
 def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """Derivative of the downward force with respect to the depth at a node, a solved state, of a segment.
+    """Derivative of the downward force with respect to the depth, at a solved state of a segment.
 
     Parameters
     ----------

@@ -13,7 +13,8 @@ from mitsuba_taxel.mechanics.materials.laws import Material
 RELATIVE_STEP = 1e-3
 """Relative change of a material parameter for differences of fourth order, which are accurate to 1e-11."""
 SMALL_STEP = 1e-5
-"""The same, if the law does not allow that, for differences of second order, accurate to about 1e-9."""
+"""Relative change for differences of second order, which are accurate to about 1e-9: for laws that do not allow the
+larger change."""
 
 
 def material_rate(residual_of: Callable[[Material], np.ndarray], material: Material, name: str) -> np.ndarray:

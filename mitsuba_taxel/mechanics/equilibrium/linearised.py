@@ -74,7 +74,8 @@ class Linearised:
         return self.constraints.flexibility(self.factor)
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """See :meth:`correction`; to the accuracy of the factor, for use in an iteration.
+        """Change of the unknowns as from :meth:`correction`, but only to the accuracy of the factor: a step of an
+        iteration.
 
         Parameters
         ----------

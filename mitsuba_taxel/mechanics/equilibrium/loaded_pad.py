@@ -92,7 +92,8 @@ class LoadedPad(MeshedPad):
         return solution, linearised
 
     def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """See :meth:`solve`; without the check of :meth:`refuse_unstable`.
+        """The equilibrium and the linearised pad, as from :meth:`solve`, but without the check of
+        :meth:`refuse_unstable`.
 
         Only one factored matrix is then in memory at a time: that of a nearby state, if it suffices.
 
@@ -179,8 +180,8 @@ class LoadedPad(MeshedPad):
         return self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value)), linearised
 
     def solve_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """See :meth:`solve_linearised`; the tangent is that of the state itself, but its factor may be that of a nearby
-        state.
+        """The equilibrium and the linearised pad, as from :meth:`solve_linearised`. The tangent is that of the state
+        itself, but its factor may be that of a nearby state.
 
         Parameters
         ----------
@@ -209,7 +210,7 @@ class LoadedPad(MeshedPad):
         return replace(solution, unknowns=unknowns), linearised
 
     def equilibrium_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """See :meth:`solve_with_tangent`; the equilibrium may be unstable.
+        """An equilibrium, which may be unstable, and the pad linearised there; see :meth:`solve_with_tangent`.
 
         Parameters
         ----------

@@ -82,8 +82,7 @@ def new_pad(
     fraction: float = 1.0,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """See :func:`loaded_pad`; the part is not shared with other callers. ``fraction`` is that of
-    :class:`SelfTouchingPad`.
+    """A new part of a pad between mirrors, as :func:`loaded_pad`, but not shared with other callers.
 
     Parameters
     ----------

@@ -102,8 +102,8 @@ class SelfTouchingPad(LoadedPad):
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> bool:
-        """See :meth:`LoadedPad.is_stable`. The negative stiffness of forces that turn about corners is left out,
-        because corners of cut faces and of bodies are sharper than the elements."""
+        """Whether the equilibrium is stable, as :meth:`LoadedPad.is_stable`. The negative stiffness of forces that turn
+        about corners is left out, because corners of cut faces and of bodies are sharper than the elements."""
         try:
             return super().is_stable(linearised, unknowns, value, history)
         except Rejected:
@@ -244,7 +244,7 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         return self._with_contacts(super()._under_forces(unknowns, value, forces, with_tangent, history), unknowns)
 
     def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
-        """See :class:`IndentedPad`; forces that turn about corners of walls do not make it unstable either."""
+        """As in :class:`IndentedPad`, and without the negative stiffness of forces that turn about corners of walls."""
         inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.stress_update)
         assert inside.entries is not None  # no element is inverted
         return self._linearised(inside.entries, unknowns, value, steady=True).factor

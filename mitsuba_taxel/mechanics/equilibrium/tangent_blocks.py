@@ -137,7 +137,7 @@ class TangentBlock:
     def tangent(
         self, entries: np.ndarray, displacement: np.ndarray, value: np.ndarray, contacts: Contacts | None = None
     ) -> Linearised:
-        """See :meth:`factored`; the state may be unstable.
+        """The factored tangent, as from :meth:`factored`, of a state that may be unstable.
 
         Parameters
         ----------

@@ -231,7 +231,7 @@ def second_meshes(path: PadPath) -> SecondMeshes:
 
 
 def compared(path: PadPath, state: State) -> State:
-    """A state of a path with its error, for which a second mesh is solved when it is first needed.
+    """A copy of a state with its error, which is computed on a second mesh when it is first read.
 
     Parameters
     ----------

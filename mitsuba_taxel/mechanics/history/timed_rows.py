@@ -152,7 +152,8 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
 
 
 def rate_is_new(rows: LoadHistory) -> bool:
-    """Whether the last rate of the load lasted for one row only. The next rate may then last for one row, too."""
+    """Whether the load changed its rate at the start of the last row: its next rate may then also last for one row
+    only."""
     if not rows or rows[-1][0] == (rows[-2][0] if len(rows) > 1 else 0.0):
         return False  # no rate yet, or a jump
     points = [(0.0, np.zeros(len(rows[0][1]))), *(rows[k] for k in range(max(len(rows) - 3, 0), len(rows)))][-3:]

@@ -25,7 +25,8 @@ BISECTIONS = 200
 LEAST_START = 0.05
 """Rate at the start of a step, relative to its mean, below which creep is not used as a measure of time."""
 LEAST_END = 1e-6
-"""The same at the end of a step, below which derivatives with respect to the measure are not resolved there."""
+"""Rate at the end of a step, relative to its mean, below which derivatives with respect to the measure are not resolved
+there."""
 LEAST_BUMP = 1e-9
 """Deviation from a cubic polynomial that counts as rounding."""
 
@@ -168,7 +169,7 @@ class Growth:
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """Two measures of time within a step, as functions of which the state changes evenly.
+    """The measures of time within a step as functions of which displacements and pressures change evenly.
 
     Attributes
     ----------

@@ -49,7 +49,7 @@ def write_vtu(
     Raises
     ------
     InputError
-        if the suffix differs, or the file cannot be written.
+        if ``file`` does not end in .vtu, or cannot be written.
     """
     file = Path(file)
     if file.suffix.lower() != ".vtu":

@@ -72,7 +72,7 @@ class Punch(IndenterShape, name="punch", rank=1):
         return EDGE_FINENESS * self.contact_radius(depth)
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances from the edge."""
+        """Distances from the edge of the flat end, where the gradient of the contact pressure is largest."""
         return np.hypot(np.hypot(points[:, 0], points[:, 1]) - self.indenter.radius, points[:, 2])
 
     @property
