@@ -55,19 +55,22 @@ def variations(studies: Found, pictures: Path) -> str:
 ## Effects of unstated choices on Table 1
 ![Sensitivities under each choice](paper/choices.png)
 
-Slopes are in µW/N, on the elements of Table 1's normal forces. They are the steepest slopes of the corner and the
-centre taxel up to 20 N of normal force (N), and up to 8 N along x or y at -8 N (T), of the curves through readings and
-their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random paths, they are differences
-between these forces, and their noise may exceed the slope. *Order*: number of pairs of shapes, out of 6 + 6, that are
-in the paper's order. *Factor*: common factor that brings the slopes closest to the paper's numbers (the power of the
-source in W). *Misfit*: typical factor by which each slope then still differs. *Peak*: height in mm of a mirror plate at
-which the reading is largest.
+Each row changes one choice of the nominal sensor, or two, and has the sensitivities of the four shapes in µW/N. The
+elements are those used for the normal forces of Table 1. The columns *N* have the steepest slope of the corner and the
+centre taxel up to 20 N of normal force; the columns *T* have that up to 8 N along x or y, at -8 N. Slopes are those of
+curves through readings and their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random
+paths, slopes are differences between these forces, and their noise may exceed the slope.
+
+- *order*: number of pairs of shapes, out of 6 + 6, that are in the paper's order.
+- *factor*: common factor that brings the slopes closest to the paper's numbers (the power of the source in W).
+- *misfit*: typical ratio between the slopes, multiplied by this factor, and the paper's numbers.
+- *peak*: height in mm of a mirror plate at which the reading is largest.
 
 {markdown_table(head, rows)}
 
 {_computed(tables)}
 
-If packages are turned by 90 degrees, x and y are exchanged; Table 1 contains the steeper of the two.
+If packages are turned by 90 degrees, x and y are exchanged; Table 1 contains the larger of both slopes.
 
 {_influence(tables)}
 
@@ -79,7 +82,7 @@ def _computed(tables: Mapping[str, Any]) -> str:
     """Sentences with the number of computed choices, and those that are not computed."""
     names = [choice.words for choice in choices() if choice.words not in tables]
     missing = f" Not computed: {'; '.join(names)}." if names else ""
-    return paragraph(f"{len(tables)} of {len(choices())} choices and pairs.{missing}")
+    return paragraph(f"{len(tables)} of {len(choices())} choices and pairs are computed.{missing}")
 
 
 def _heights(studies: Found) -> dict[str, plate.CurveMaximum]:

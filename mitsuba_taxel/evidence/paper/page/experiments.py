@@ -30,17 +30,18 @@ def experiments(studies: Found, pictures: Path) -> str:
     lines = []
     for kind, values in measured.items():
         for source, values_of in (
-            ("ours", {cell: slope.max_slope for cell, slope in table[kind].items()}),
+            ("this simulation", {cell: slope.max_slope for cell, slope in table[kind].items()}),
             ("the paper's simulation", PUBLISHED[kind]),
         ):
             in_order, pairs = pairs_in_order(values, values_of)
-            lines.append(f"- {kind}: {in_order} of {pairs} pairs in the order of the experiments by {source}.")
+            agreeing = f"{in_order} of {pairs} pairs of shapes"
+            lines.append(f"- {kind}: {agreeing} have the order of the experiments in {source}.")
     head = ["shape", "normal: measured", "here", "tangential: measured", "here", "e_nl measured [%]", "here [%]"]
     return f"""\
 ## The paper's experiments (Tables 2 to 4)
-The table has sensitivities relative to the parallelepiped's (of the most sensitive taxel; measured in V/N), and the
-nonlinearity (equation 7, from the end-point line up to 10 N). The sensor of the experiments has 6 x 2 cells, so forces
-per cell differ: ratios and orders can be compared, values cannot.
+The table has sensitivities of the most sensitive taxel, relative to those of the parallelepiped (they were measured in
+V/N), and the nonlinearity e_nl (equation 7, from the end-point line up to 10 N). The sensor of the experiments has 6 x
+2 cells, so that forces per cell differ: ratios and orders can be compared, but not values.
 
 {markdown_table(head, rows)}
 

@@ -48,9 +48,9 @@ the paper's solver stopped.
 
 {markdown_table(head, rows)}
 
-The maximum slope is the largest of all nine curves, which are cubics through readings without random numbers and their
-derivatives with respect to the force. Its error is that of the derivatives (light, mechanics and geometry). The
-tangential slope is the steeper of x and y.
+The table above has maximum slopes: the largest slope of the curves of all nine taxels. The curves are cubic polynomials
+through readings, computed without random numbers, and their derivatives with respect to the force. The stated error is
+that of the derivatives (light, mechanics and geometry). The tangential slope is the larger of those along x and y:
 
 {markdown_table(["shape", *(f"{NAMES[path]} [µW/N]" for path in TANGENTIAL)], direction)}
 

@@ -48,9 +48,9 @@ def analog(studies: Found, pictures: Path) -> str:
     head = [
         "shape",
         "true [µW/N]",
-        "mean answer [µW/N]",
+        "mean result [µW/N]",
         "spread [µW/N]",
-        "answer / true",
+        "result / true",
         "binomial [µW/N]",
         "scatter",
     ]
@@ -60,13 +60,14 @@ def analog(studies: Found, pictures: Path) -> str:
 ![Maximum slopes by counted rays](paper/analog.png)
 
 `analog_tracer` counts {counting.RAYS} rays (the power of two nearest to 20 x 3000) for the centre taxel at each of the
-41 normal forces, with new rays each time. The answer is the maximum slope over steps of 0.5 N:
+41 normal forces, with new random rays each time. The result of the procedure is the maximum slope over steps of 0.5 N.
+The table compares it with the true maximum slope:
 
 {markdown_table(head, rows)}
 
-*Binomial*: the mean answer if readings are counts of n rays, of which a fraction p arrives. *Scatter*: the variance of
-the readings over p (1 - p) / n, and its p-value. A ray tracer that repeats its random numbers at every step would have
-less noise.
+*Binomial*: mean result if readings are binomial counts of n rays, each of which arrives with the probability p.
+*Scatter*: variance of the readings divided by p (1 - p) / n, and p-value of this ratio. A ray tracer that repeats its
+random numbers at every step would have less noise.
 """
 
 
@@ -107,21 +108,23 @@ def hypotheses(studies: Found, pictures: Path) -> str:
     ]
     return f"""\
 ## Is Table 1 counting noise?
-With {paper.RAYS} rays a reading p scatters by sqrt(p (1 - p) / n). The largest of many steps of 0.5 N is then mostly
-noise, and proportional to the square root of the reading. The table compares three explanations of Table 1, each with
-one free common factor. The factor of the last is the power of the source in W, or any other scale:
+A reading p from n = {paper.RAYS} rays has a standard deviation of sqrt(p (1 - p) / n). The largest slope over many
+steps of 0.5 N is then mostly noise, and proportional to the square root of the reading. The table compares three
+explanations of Table 1, each with one free common factor. The factor of the last explanation is the power of the source
+in W, or another scale:
 
 {markdown_table(["force", "explanation", "factor", "chi-square / freedom", "misfit"], rows)}
 
 {chr(10).join(lines)}
 
 Counting noise with one source and equal steps would give both kinds of force the same factor. The tangential factor is
-{with_error(ratio, error)} times the normal factor, as if its steps had been {paper.FORCE_STEP / ratio:.2g} N.
+{with_error(ratio, error)} times the normal factor, as if the steps of the tangential force had been
+{paper.FORCE_STEP / ratio:.2g} N.
 
 Relative to the parallelepiped:
 
 {markdown_table(head, ratios)}
 
-*Counting*: the mean maximum slope of nine curves with {paper.RAYS} rays for each reading, by binomial counts about our
-readings.
+*Counting*: mean of the maximum slope of nine curves, with binomial counts of {paper.RAYS} rays for each reading; the
+probabilities are the readings of this program.
 """

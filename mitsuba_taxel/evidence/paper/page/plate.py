@@ -52,9 +52,10 @@ def peaks(studies: Found, pictures: Path) -> str:
 
 {markdown_table(head, rows)}
 
-The table has the peak of a cubic in ln z through ln(power) above {plate.NEAR_PEAK:.0%} of the largest power. Die
-spacings are from {low:g} to {high:g} mm, the range that fits into the package. All pairs in the last
-column reproduce the datasheet's peak, so the peak cannot distinguish between them.
+The table has the height of the peak for each emission law and die spacing: the maximum of a cubic polynomial in ln z,
+fitted to ln(power) where the power exceeds {plate.NEAR_PEAK:.0%} of its maximum. Die spacings are from {low:g} to
+{high:g} mm, the range that fits into the package. The last column has the spacing with which each law reproduces the
+peak of the datasheet. So the peak does not show which pair of law and spacing is right.
 """
 
 
