@@ -11,7 +11,7 @@ class GeometryError(Exception):
 
 
 def place(point: np.ndarray) -> str:
-    """A point as text.
+    """The coordinates of a point as text.
 
     Parameters
     ----------

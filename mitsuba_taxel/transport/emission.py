@@ -192,7 +192,7 @@ class Emission:
         return monomials(lit.points.at, self.degree) @ coefficients(self.degree)
 
     def at(self, lit: LitPoints, values: np.ndarray) -> np.ndarray:
-        """Values at lit points.
+        """Interpolate values on the patches at lit points.
 
         Parameters
         ----------

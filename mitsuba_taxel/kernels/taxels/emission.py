@@ -19,7 +19,7 @@ from mitsuba_taxel.specification.annular_led import AnnularLed
 
 
 class EmissionLaw(Protocol):
-    """A probability density of directions, in a frame with the normal of the LED along +z."""
+    """Angular law of an LED: a probability density of directions, in a frame with the normal of the LED along +z."""
 
     def sample(self, sample: mi.Point2f) -> mi.Vector3f:
         """Sample a direction by a point of the unit square."""

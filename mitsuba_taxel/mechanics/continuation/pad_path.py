@@ -155,7 +155,7 @@ class PadPath(PathStates):
         Returns
         -------
         PadPath
-            The shared path.
+            The path; callers with equal arguments share one object.
         """
         judged_on = None if self.judge is None else self.judge.mesh_size
         judged, settings = self.judged or self.judge is not None, (self.bodies, self.step_tolerance)
@@ -170,12 +170,12 @@ class PadPath(PathStates):
         mesh_size : float
             Size of the elements in mm.
         judged : bool
-            Whether the stability of its states is judged.
+            Whether the stability of its states against all displacements is tested.
 
         Returns
         -------
         PadPath
-            The shared path.
+            The path; callers with equal arguments share one object.
         """
         if self.load.indenter is None:
             return self._like(mesh_size, judged)
@@ -272,7 +272,7 @@ def pad_path(
     mesh_size : float
         Length of the edges of elements, mm.
     judged : bool
-        Whether the stability of states is judged.
+        Whether the stability of states against all displacements is tested.
     judged_on : float, optional
         Length of the edges of elements on which stability is tested, mm.
     bodies : RigidBodies, optional

@@ -32,7 +32,7 @@ class MeasuredMaterial:
     largest_stretch : float or None
         Largest principal stretch of the tests; None if unknown.
     prony : tuple[tuple[float, float], ...]
-        Terms of the Prony series: weight, and relaxation time in s; empty without a memory.
+        Terms of the Prony series: weight, and relaxation time in s; empty for an elastic silicone.
     title : str
         Name of the material.
     content : Mapping[str, Any]

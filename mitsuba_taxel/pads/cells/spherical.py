@@ -7,10 +7,12 @@ from mitsuba_taxel.pads.cells.cell_shape import LightSizes
 class Spherical(Cap, name="spherical", rank=3):
     """A cell in the shape of a cylinder, closed by the cap of a sphere of radius `cell_size`.
 
-    The cap is flatter than a hemisphere, so its elements shrink by a power of the relative size only. Elements inside
-    keep their default size, and the size grows faster from the wall towards them, which leaves far fewer elements.
-    `taxel bench domes` shows that readings are accurate enough with them. Light leaves this cell after few reflections,
-    each of which counts; hemispheric mirrors, in which it is reflected more often, need small elements inside as well.
+    The cap is flatter than a hemisphere. On meshes finer than the default, its elements are therefore refined less:
+    their size is the mesh size times (mesh size / default)^0.7, with the exponent 1 for a hemisphere. Elements inside
+    the silicone keep their default size, and the size grows faster from the wall inwards, which leaves far fewer
+    elements. `taxel bench domes` shows that readings are accurate enough with them. Light leaves this cell after few
+    reflections, each of which counts; hemispheric mirrors, in which it is reflected more often, need small elements
+    inside as well.
     """
 
     default_height_words = "1.6"

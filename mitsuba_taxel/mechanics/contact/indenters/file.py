@@ -61,7 +61,7 @@ class File(IndenterShape, name="file", rank=4):
         return distance.spacing * math.sqrt(len(distance.footprint(depth)) / (2 * math.pi))
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances from the whole contact area."""
+        """Distances from the contact area: the pressure may be steep anywhere in it."""
         footprint = self.solid.distance.footprint(depth)
         if not len(footprint):
             size = np.ptp(self.solid.vertices, axis=0)
