@@ -83,7 +83,7 @@ def test_the_page(tmp_path):
         "- profile: points (r, z) of the roof in mm, from the rim to the crown: (1.25, 1.68), (0.75, 1.2), (0, 1.2)"
         in text
     )
-    assert "a *profile* is any" in text.lower() and (
+    assert "a *profile* is a roof of revolution" in text.lower() and (
         "- square profile: its descents ended at 60 µW/N (8 designs in 90 s, within 1% of the best of all after 6, "
         "0 failed; as its steps gained no more), "
         "no allowed design (20 designs in 200 s, 5 failed; as no more was allowed)\n" in text

@@ -46,29 +46,38 @@ For designers who ask how much better the paper's sensor can become.
 
 Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
 
-The paper compares four shapes of cells, each of one size. Here [`taxel optimise`](theory/optimum.md) looks for the
-dimensions of each shape that are best for a purpose: cell_size {cell_size} mm, height of the pad {height} mm, wall
-around {wall} mm, and cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.4 mm. The mould allows walls from
-{least_wall:g} mm, so with the paper's pitch the cells are at most 2.75 mm wide. Each search starts from the paper's
-dimensions: cells 2.55 mm wide and {heights} mm high, the pad 4.55 mm, walls 1 mm. Silicone, package and light are
-those of `pad.xml`; readings are in W for 1 W per LED.
+The paper compares four shapes of cells, each with one set of dimensions. Here, [`taxel optimise`](theory/optimum.md)
+searches for the dimensions of each shape that are best for a purpose. The bounds are: cell_size {cell_size} mm, height
+of the pad {height} mm, outer wall {wall} mm, and cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.4 mm. The
+mould allows walls of at least {least_wall:g} mm, so that the cells are at most 2.75 mm wide at the paper's pitch. Each
+search starts from the paper's dimensions: cells 2.55 mm wide and {heights} mm high, a pad 4.55 mm high, and walls of 1
+mm. Silicone, package and light are those of `pad.xml`; readings are in W for 1 W per LED.
 
-A *profile* is any roof of revolution that three points of a spline describe. It has eight variables: the three
-dimensions above, r of the first two points (relative to half of cell_size, at least {r1:g} and {r2:g}), and z of all
-points ({lowest:g} to {profile_height:g} mm). It starts as the paper's cylinder. A *square profile* has the same curve
-on four sides, as pyramids do, and starts as the paper's parallelepiped; its radii of curvature are at least
-{least_radius:g} mm, because light is not followed into spikes. A *leaning parallelepiped* has tops that may lie up to
-{most_lean:g} mm off the axes of the cells along x, the direction of the force; all cells lean alike.
+Three more shapes are optimised:
 
-Values are verified on a finer mesh than the {mesh_size:g} mm of the search; ± is the change of the improvement by that
-mesh. The *remaining slope* is the part of the objective's gradient that no active bound or constraint balances: the
-relative change of the objective over the width of the bounds. Gradients scatter from mesh to mesh. The remaining slope
-is therefore the mean over the best design, the same design on the finer mesh, and the designs within
-{near:.0%} of it (in widths of the bounds), and ± is its standard error. A design is called a local *optimum* if
-this slope and its error together are at most {balanced:.0%}. Otherwise the column states the gain of another descent
-from it on the finer mesh: *within*, rounded up, if the descent ended because its steps gained no more; *or more off* if
-it reached its limit of designs. One descent of at most {evaluations} designs was made for each shape, so a better
-design elsewhere within the bounds is not excluded. {effort}.
+- A *profile* is a roof of revolution, whose meridian is a spline with three points. It has eight variables: the three
+  dimensions above, r of the first two points (relative to half of cell_size, at least {r1:g} and {r2:g}), and z of all
+  points ({lowest:g} to {profile_height:g} mm). The search starts from the paper's cylinder.
+- A *square profile* has the same curve on four sides, like a pyramid. The search starts from the paper's
+  parallelepiped. Its radii of curvature are at least {least_radius:g} mm, because light in sharper tips is not computed
+  accurately.
+- A *leaning parallelepiped* has tops that may lie up to {most_lean:g} mm off the axes of the cells along x, the
+  direction of the force. All cells lean alike.
+
+The tables have these columns:
+
+- **better by**: improvement by the best design, verified on a finer mesh than the {mesh_size:g} mm of the search; ± is
+  the change of the improvement by the finer mesh.
+- **remaining slope**: part of the objective's gradient that no active bound or constraint balances, as the relative
+  change of the objective over the width of the bounds. Gradients scatter from mesh to mesh. The value is therefore the
+  mean over the best design, the same design on the finer mesh, and the designs within {near:.0%} of it (in widths of
+  the bounds); ± is its standard error.
+- **optimum**: *yes* for a local optimum, whose remaining slope and its error together are at most {balanced:.0%}. For
+  other designs, another descent was started on the finer mesh, and the column has its gain: *within* a value, rounded
+  up, if the descent ended because its steps gained no more; a value *or more off* if it ended at its limit of designs.
+
+One descent of at most {evaluations} designs was made for each shape, so that a better design elsewhere within the
+bounds is not excluded. {effort}.
 
 ![Before and after](optimum/optima.png)
 """
@@ -78,11 +87,13 @@ TITLES = {
     "resolution": "Best resolution of all three components",
 }
 ASKED = {
-    "normal": "Mean slope of the worse of taxels 3 (corner) and 5 (centre) to -20 N, nonlinearity at most 3 %.",
-    "tangential": "Mean slope of the worse of taxels 3 (corner) and 6 (side at +x) from 0 to 4 N along x, at -8 N.",
-    "resolution": "The largest standard deviation of Fx, Fy and Fz if all three are estimated from the four corner "
-    f"taxels, each with a noise of {1e6 * NOISE:g} µW. Slopes are means from 0 to 2 N along x and y at -8 N, and from "
-    "0 to -8 N along z.",
+    "normal": "Objective: mean slope up to -20 N of the less sensitive of taxels 3 (corner) and 5 (centre), with a "
+    "nonlinearity of at most 3 %.",
+    "tangential": "Objective: mean slope from 0 to 4 N along x, at -8 N, of the less sensitive of taxels 3 (corner) "
+    "and 6 (side at +x).",
+    "resolution": "Objective: the largest of the standard deviations of Fx, Fy and Fz if all three are estimated from "
+    f"the four corner taxels, each with a noise of {1e6 * NOISE:g} µW. Slopes are means from 0 to 2 N along x and y at "
+    "-8 N, and from 0 to -8 N along z.",
 }
 SCALES = {"normal": (1e6, "µW/N"), "tangential": (1e6, "µW/N"), "resolution": (1e3, "mN")}
 
