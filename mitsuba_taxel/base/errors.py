@@ -33,7 +33,7 @@ class ComputationError(RuntimeError):
 
 
 class UnusedDefault(UserWarning):
-    """A ``<default>`` of a scene is not used."""
+    """Warning that no element of a scene uses one of its ``<default>``s."""
 
 
 def one_line(message: object) -> str:

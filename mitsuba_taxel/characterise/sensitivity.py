@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
-    """Slopes of the readings along one force.
+    """Sensitivity: slopes of the readings of a study along one force, with their errors.
 
     All scenes of a study share their random numbers, so slopes are computed for each replicate; their scatter gives the
     error of the light. Slopes of readings changed by their ``deviation`` give the error of the mechanics, slopes of

@@ -27,7 +27,7 @@ SLOPES = (
 
 
 class Simulated(NamedTuple):
-    """Experiments of a study.
+    """Experiments of a study, with the effect of shape errors, tangential maps and notes.
 
     Attributes
     ----------

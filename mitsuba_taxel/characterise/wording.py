@@ -336,12 +336,12 @@ def latex_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def escape(text: str) -> str:
-    """Text with the special characters of LaTeX escaped."""
+    """Escape the special characters of LaTeX in a text."""
     return "".join(LATEX.get(letter, letter) for letter in text)
 
 
 def as_word(value: Any) -> str:
-    """A parameter or a number as text.
+    """Format the value of a parameter, a number or a word, as text.
 
     Parameters
     ----------

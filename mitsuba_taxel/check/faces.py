@@ -107,7 +107,7 @@ class Boxes:
 
 
 def boxes_of(objects: SceneObjects) -> list[Boxes]:
-    """The bodies of photo-reflectors, and Mitsuba's cubes."""
+    """Collect all boxes of a scene: the bodies of photo-reflectors, and Mitsuba's cubes."""
     boxes = []
     for obj in objects.shapes():
         instance = obj.instance
@@ -121,13 +121,13 @@ def boxes_of(objects: SceneObjects) -> list[Boxes]:
 
 
 def to_world(obj: SceneObject) -> np.ndarray:
-    """Transformation (4, 4) of a shape."""
+    """Transformation (4, 4) of a shape from its own coordinates to world coordinates."""
     transform: Any = obj.props.get("to_world", mi.ScalarTransform4f())
     return np.array(transform.matrix, dtype=float)
 
 
 def apply(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(..., 3) points transformed by an affine matrix.
+    """Transform points by an affine matrix.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ SEVERITIES = ("error", "warning", "note")
 
 @dataclass(frozen=True)
 class Finding:
-    """One finding on a scene, in one sentence.
+    """A finding of `check_scene`: an error, a warning or a note on a scene, in one sentence.
 
     Attributes
     ----------

@@ -81,7 +81,7 @@ class UndeformedPad:
 
 @dataclass
 class SceneObject:
-    """One object of a scene.
+    """One object of a scene: its XML element, its parameters and, if valid, the plugin object.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class SceneObject:
         return self.element.finding(severity, message)
 
     def nested(self, kind: str) -> list[SceneObject]:
-        """The objects of one kind nested in it."""
+        """The nested objects of one kind, such as ``bsdf``."""
         return [child for child in self.children.values() if child.kind == kind]
 
 

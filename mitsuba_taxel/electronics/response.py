@@ -63,7 +63,7 @@ class Response(NamedTuple):
 
 
 def respond(circuit: Circuit, power: Any) -> Response:
-    """Response of a circuit to light.
+    """Compute the response of a circuit to optical powers: photocurrent, voltage, counts and their slopes.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def lit(power: Any) -> np.ndarray:
 
 
 def counts_of(circuit: Circuit, voltage: Any) -> np.ndarray:
-    """Counts of the converter.
+    """Convert voltages to counts of the converter.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ VOLTS = ("voltage", "voltage_error", "counts", "noise", "saturated")
 
 
 def with_volts(study: xr.Dataset, circuit: Circuit | None) -> xr.Dataset:
-    """Add voltages and counts to a study.
+    """Add voltages and counts at the output of a circuit to a study.
 
     The result has the variables ``voltage``, ``voltage_error`` (due to the total error of the power), ``counts``,
     ``noise`` and ``saturated`` (1 where the output is at the circuit's limit), and the attribute ``circuit``.

@@ -48,7 +48,7 @@ class MeasuredData:
 
 
 def read_data(file: Path, parameters: Collection[str] = ()) -> MeasuredData:
-    """Read a table of measurements.
+    """Read measured readings, and the settings at which they were measured, from a CSV file.
 
     Headings are settings such as ``fz`` or ``fz_mN``, readings such as ``v1_V`` or ``p1_W`` of taxel 1, and standard
     deviations such as ``v1_error_V``, either for all readings or for none; see

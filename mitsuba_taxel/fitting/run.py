@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
-    """Result of a fit.
+    """Result of `run_fit`: estimated unknowns with their errors, and the residuals.
 
     Attributes
     ----------

@@ -416,7 +416,7 @@ def _changed(design: Design, number: int, step: float) -> Design:
 
 
 def parts_of(scene: Scene) -> list[DeformablePad]:
-    """The specifications of the pads of a scene."""
+    """Specifications (plugin parameters) of all deformable pads of a scene."""
     with scene.files_beside_it():
         nodes = scene.parsed(parser_config(activate_variant())).nodes
         return [DeformablePad.read(n.props) for n in nodes if n.props.plugin_name() == DeformablePad.plugin]

@@ -337,7 +337,7 @@ class Figure:
         return " ".join(filter(None, named))
 
     def components(self, responses: DesignResponses) -> np.ndarray:
-        """Components (N,) of the figure, complex."""
+        """Components (N,) of the figure as complex numbers, whose imaginary parts are derivatives times `TINY`."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return FIGURES_OF_MERIT[self.kind].components(responses, **self.parameters)
 

@@ -46,11 +46,11 @@ class OptimisationProgress(NamedTuple):
 
 
 class EvaluationsExhausted(Exception):
-    """A descent has used all its evaluations."""
+    """Raised when a descent has used its largest number of evaluations."""
 
 
 class Optimiser:
-    """Evaluates designs, and runs descents.
+    """Evaluates designs, keeps all of them, and runs descents.
 
     Attributes
     ----------

@@ -57,7 +57,7 @@ def write(plan: Plan, before: Design, best: Design, result: Optimum, folder: Pat
 
 
 def page(result: Optimum, has_section: bool) -> str:
-    """The result as a page in Markdown."""
+    """Format the result of an optimisation as a page in Markdown."""
     title = result.figures.figure[0]
     lines = [gain_line(result), slope_line(result), cost_line(result), *result.warnings, *result.notes]
     return "\n\n".join(
@@ -76,7 +76,7 @@ def page(result: Optimum, has_section: bool) -> str:
 
 
 def printed_optimum(result: Optimum) -> Printed:
-    """The result as it is printed.
+    """Format the result of an optimisation for the terminal.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def changes(result: Optimum) -> list[tuple[str, str, str, str]]:
 
 
 def at_best(word: str) -> str:
-    """A value with enough digits for manufacturing."""
+    """Format the value of a parameter with enough digits for manufacturing."""
     try:
         return f"{float(word):.6g}"
     except ValueError:
@@ -130,7 +130,7 @@ def at_best(word: str) -> str:
 
 
 def as_markdown(table: pandas.DataFrame) -> str:
-    """A table of words and numbers."""
+    """Format a data frame as a table in Markdown."""
     rows = [[cell if isinstance(cell, str) else shown(cell) for cell in row] for row in table.to_numpy().tolist()]
     return markdown_table([name.replace("_", " ") for name in table], rows)
 

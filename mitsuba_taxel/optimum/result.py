@@ -29,7 +29,7 @@ EXTRAPOLATED = 1 / (1 - FINER**ORDER)
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """Result of an optimisation.
+    """Result of `optimise`: the best design compared with the first, and all evaluated designs.
 
     Attributes
     ----------

@@ -92,7 +92,7 @@ class Side(Checked):
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A photo-reflector.
+    """Description of a photo-reflector: body, dies, windows, electrical figures, and their sources.
 
     Attributes
     ----------

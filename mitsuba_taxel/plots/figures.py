@@ -86,7 +86,7 @@ def _words(values: Mapping[str, object], names: Sequence[str]) -> str:
 
 
 def as_label(value: object) -> str:
-    """A parameter's value in a legend."""
+    """Format the value of a parameter for a legend."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 

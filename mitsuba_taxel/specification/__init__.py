@@ -13,7 +13,7 @@ __all__ = ["Specification", "specification_of", "specifications"]
 
 @kept(None)
 def specification_of(plugin: str) -> type[Specification]:
-    """The specification of a plugin of this package.
+    """The class that specifies the parameters of a plugin of this package.
 
     Parameters
     ----------
@@ -31,5 +31,5 @@ def specification_of(plugin: str) -> type[Specification]:
 
 @kept(None)
 def specifications() -> dict[str, type[Specification]]:
-    """The specifications of all plugins, by name."""
+    """The classes that specify the parameters of all plugins, by the name of the plugin."""
     return {name: specification_of(name) for name in plugin_files()}

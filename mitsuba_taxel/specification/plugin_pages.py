@@ -16,7 +16,7 @@ from mitsuba_taxel.specification import specification_of
 
 @dataclass(frozen=True)
 class PluginPage:
-    """The reference page of a plugin.
+    """Contents of the reference page of a plugin.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ def plain(text: str) -> str:
 
 
 def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
-    """The reference page of a plugin.
+    """Assemble the reference page of a plugin from its parameters and its docstring.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from mitsuba_taxel.base.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Distribution of a parameter.
+    """Probability distribution of a parameter with a tolerance.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ _DIGEST = hashlib.sha256().digest_size
 
 
 def pack(arrays: Mapping[str, np.ndarray]) -> bytes:
-    """Serialise arrays with their names."""
+    """Serialise arrays with their names as bytes: a SHA-256 digest and an npz archive."""
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)
     archive = buffer.getvalue()

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 
 def markdown_table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: Collection[str] | None = None) -> str:
-    """A table in Markdown.
+    """Format headings and rows as a table in Markdown.
 
     Parameters
     ----------

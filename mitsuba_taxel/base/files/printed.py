@@ -51,7 +51,7 @@ def figures_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[s
 
 
 def as_json(printed: Printed) -> str:
-    """Printed output as JSON.
+    """Convert printed output, paragraphs and tables, to JSON.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def as_json(printed: Printed) -> str:
 
 
 def from_json(text: str) -> Printed:
-    """Inverse of :func:`as_json`.
+    """Convert JSON back to printed output: the inverse of :func:`as_json`.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """A column of a `Table`.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with headings.
+    """A table from a text file, with its headings and units.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Table:
 
 
 def read_table(what: str, file: Path, known: Collection[str] = ()) -> Table:
-    """Read a table in a text file.
+    """Read a table of numbers from a text file, such as a CSV file of a spreadsheet or an instrument.
 
     Columns are separated by tabs, semicolons, commas, bars or blanks. Numbers have decimal points or, unless commas
     separate the columns, decimal commas. ``#`` begins a comment. The first line with as many fields as most lines

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 
 class NoAnswer(Exception):
-    """A process was stopped, or failed.
+    """A worker process returned no output: it was stopped at a limit, or it failed.
 
     Attributes
     ----------

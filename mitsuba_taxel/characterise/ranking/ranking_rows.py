@@ -26,7 +26,7 @@ def varied_names(comparison: Comparison) -> list[str]:
 
 
 def comparison_rows(comparison: Comparison) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of a comparison, as text."""
+    """Format the table of a comparison as headings and rows of text."""
     table, where = comparison.table, varied_names(comparison)
     names = [name for name in table.columns if f"{name}_error" in table.columns]
     units = {**comparison.unit, "behind": comparison.unit[comparison.by]}

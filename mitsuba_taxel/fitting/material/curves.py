@@ -40,7 +40,7 @@ _STRESS = re.compile(r"stress|force|load", re.IGNORECASE)
 
 @dataclass(frozen=True, eq=False)
 class StressCurve:
-    """The loading branch of a test.
+    """Stress-strain curve of the loading branch of a material test, with N rows.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def read_curve(
     length: float | None = None,
     true_stress: bool = False,
 ) -> StressCurve:
-    """Read the table of a test.
+    """Read a material test from a table, and extract the stress-strain curve of its loading branch.
 
     Parameters
     ----------

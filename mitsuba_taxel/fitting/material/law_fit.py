@@ -110,7 +110,7 @@ class Tests:
 
 
 def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
-    """Fit a law to all tests.
+    """Fit the constants of one law to all tests by least squares.
 
     Parameters
     ----------

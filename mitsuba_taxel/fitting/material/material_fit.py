@@ -42,7 +42,7 @@ COARSE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class MaterialFit:
-    """Result of `fit_material`.
+    """Result of `fit_material`: fitted material laws in the order of their ranks, and the tests.
 
     Attributes
     ----------

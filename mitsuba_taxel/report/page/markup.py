@@ -13,24 +13,24 @@ if TYPE_CHECKING:
 
 
 def section(name: str, title: str, *blocks: str) -> str:
-    """A section with an anchor for the table of contents."""
+    """HTML of a section with an anchor for the table of contents."""
     return f'<section id="{name}" aria-labelledby="{name}-title"><h2 id="{name}-title">{escape(title)}</h2>' + (
         "\n".join(blocks) + "</section>"
     )
 
 
 def paragraph(text: str, kind: str = "") -> str:
-    """Plain text; ``kind`` is a class of the style sheet."""
+    """HTML of a paragraph of plain text; ``kind`` is a class of the style sheet."""
     return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
 
 
 def bullets(lines: Sequence[str]) -> str:
-    """A list; empty text for no lines."""
+    """HTML of a bulleted list; empty text if there are no lines."""
     return f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in lines)}</ul>" if lines else ""
 
 
 def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table that scrolls if wider than the screen."""
+    """HTML of a table that scrolls if it is wider than the screen."""
     head = "".join(f'<th scope="col">{escape(heading)}</th>' for heading in headings)
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
     return (
@@ -40,7 +40,7 @@ def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) 
 
 
 def folded(title: str, *blocks: str) -> str:
-    """Content that is shown when its title is clicked."""
+    """HTML of content that is shown when its title is clicked."""
     return f"<details><summary>{escape(title)}</summary>{''.join(blocks)}</details>"
 
 
@@ -51,7 +51,7 @@ class PlotFunction(Protocol):
 
 
 def plot(draw: PlotFunction, words: str, caption: str) -> str:
-    """A plot as an SVG picture, with a narrow version for phones; ``words`` are the alternative text."""
+    """HTML of a plot as SVG, with a narrow version for phones; ``words`` are the alternative text."""
     wide, narrow = (_svg(draw(narrow=narrow)) for narrow in (False, True))
     return (
         f'<figure><picture><source media="(max-width: 40rem)" srcset="{narrow}">'

@@ -33,7 +33,7 @@ MODEL = "Readings against each input, with the other inputs in the middle of the
 
 
 class CommandOutput(NamedTuple):
-    """Output files of a command.
+    """Names and captions of the output files of a command, from which a page is made.
 
     Attributes
     ----------

@@ -25,7 +25,7 @@ class ShownSurface(NamedTuple):
 
 
 def read_surfaces(files: Sequence[Path]) -> ShownSurface:
-    """The surfaces in PLY files as one surface."""
+    """Read the surfaces of PLY files, and join them to one surface."""
     surfaces = [_read(file) for file in files]
     starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces[:-1])])
     triangles = [surface.triangles + start for surface, start in zip(surfaces, starts, strict=True)]
@@ -73,7 +73,7 @@ class ArrayEncoding:
         self.unit = max(largest, 1e-6) / SPAN
 
     def lengths(self, vertices: np.ndarray) -> str:
-        """Lengths (..., 3) in mm, encoded."""
+        """Encode lengths (..., 3) in mm."""
         return _text(np.round(np.clip(vertices / self.unit, -SPAN, SPAN)).astype("<i2"))
 
     @staticmethod
@@ -83,11 +83,11 @@ class ArrayEncoding:
 
     @staticmethod
     def indices(triangles: np.ndarray) -> str:
-        """Indices (T, 3) below 65536, encoded."""
+        """Encode indices (T, 3) of vertices, which must be below 65536."""
         return _text(triangles.astype("<u2"))
 
     def topology(self, coarse: CoarseSurface) -> Mapping[str, Any]:
-        """Triangles and their regions, encoded."""
+        """Encode the triangles of a simplified surface and their regions."""
         return {"triangles": self.indices(coarse.triangles), "regions": _text(coarse.regions.astype(np.uint8))}
 
 

@@ -29,7 +29,7 @@ OTHER = "plate"
 
 @dataclass(frozen=True, eq=False)
 class ShownPart:
-    """A surface of the picture.
+    """A surface of V vertices and T triangles to be drawn in a picture of a sensor.
 
     Attributes
     ----------

@@ -398,7 +398,7 @@ def read_study(file: str | Path, besides: tuple[str, ...] = ()) -> dict[str, Any
 
 
 def batch_from(study: Mapping[str, Any], number: int, folder: Path) -> Batch:
-    """The batch of one scene of a study.
+    """Create the `Batch` of one scene from the content of a study file.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ class JobResult(NamedTuple):
 
 @dataclass(frozen=True)
 class Failure:
-    """Failure of a job.
+    """Failure of a job, as it is stored and sent between processes.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class Failure:
     bad_input: bool = field(default=False)
 
     def error(self) -> InputError | ComputationError:
-        """The failure as an exception."""
+        """Convert the failure to an exception with its message."""
         return (InputError if self.bad_input else ComputationError)(self.message)
 
 

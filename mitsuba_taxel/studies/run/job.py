@@ -46,7 +46,7 @@ def run(job: Job) -> JobResult | Failure:
 
 
 def failure_of(error: BaseException) -> Failure:
-    """An exception as a failure."""
+    """Convert an exception to a `Failure`."""
     if isinstance(error, (InputError, ComputationError)):
         return Failure(str(error), isinstance(error, InputError))
     return Failure(" ".join(f"{type(error).__name__}: {error}".split()))

@@ -58,7 +58,7 @@ def end(*executors: ProcessPoolExecutor) -> None:
 
 
 def share_of_cores(sharing: int) -> int:
-    """Cores for each of ``sharing`` processes."""
+    """Number of cores for each process if ``sharing`` processes share this machine."""
     return max(1, (os.cpu_count() or 1) // sharing)
 
 

@@ -62,7 +62,7 @@ class StoredResult(NamedTuple):
 
 
 class Store:
-    """The folder of a study of one scene."""
+    """The folder of results of a study of one scene: reads and writes its definition, results and failures."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

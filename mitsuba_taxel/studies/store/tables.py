@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def write_readings(study: xr.Dataset, folder: Path, parquet: bool = False) -> None:
-    """Write ``readings.nc`` and ``readings.csv``.
+    """Write the readings of a study to ``readings.nc`` and ``readings.csv``.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def write_readings(study: xr.Dataset, folder: Path, parquet: bool = False) -> No
 
 
 def write_summary(study: xr.Dataset, folder: Path) -> None:
-    """Write ``summary.csv`` if a force is varied."""
+    """Write the slopes along each force to ``summary.csv``; nothing is written if no force is varied."""
     slopes = summary_table(study)
     if len(slopes):
         with replacing(folder / "summary.csv") as file:
@@ -54,7 +54,7 @@ def write_summary(study: xr.Dataset, folder: Path) -> None:
 
 
 def write_resolution(study: xr.Dataset, folder: Path) -> None:
-    """Write ``resolution.csv``, ``resolution.png`` and ``resolution.svg``.
+    """Write the resolution of a study over the contact position: ``resolution.csv``, ``.png`` and ``.svg``.
 
     Nothing is written unless the study has derivatives, a circuit, and contact positions varied in x and y.
     """
