@@ -21,7 +21,8 @@ def activity(words: str) -> Iterator[None]:
 
     Yields
     ------
-    None Nothing, during the activity.
+    None
+        Nothing, during the activity.
     """
     _current.append(words)
     _announce()
@@ -43,7 +44,8 @@ def announced_to(listener: Callable[[str], None]) -> Iterator[None]:
 
     Yields
     ------
-    None Nothing, while activities are announced.
+    None
+        Nothing, while activities are announced.
     """
     _listeners.append(listener)
     try:

@@ -37,7 +37,8 @@ def deferred_signals() -> Iterator[None]:
 
     Yields
     ------
-    None Nothing, while signals are deferred.
+    None
+        Nothing, while signals are deferred.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
