@@ -28,7 +28,7 @@ def plane_of(study: xr.Dataset) -> tuple[str, str] | None:
     Returns
     -------
     tuple[str, str] or None
-        Names of the parameters along x and y.
+        Names of the parameters along x and y; None if there is no such pair, or if one of them has a single value.
     """
     varied = [
         str(name)
@@ -49,7 +49,8 @@ def plane_of_steps(study: xr.Dataset) -> tuple[str, str] | None:
     Returns
     -------
     tuple[str, str] or None
-        Names of the parameters along x and y.
+        Names of the parameters along x and y; None if there is no such pair, or if one of them has a single value in
+        all steps.
     """
     listed = [
         str(name)
