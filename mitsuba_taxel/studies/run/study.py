@@ -147,10 +147,10 @@ def sweep(
         The results that `mitsuba_taxel.sensing.reading.results` lists, each over the varied parameters and its own
         dimensions: ``power``, its errors by light, mechanics and geometry and in total, numbers of the deformed pad,
         derivatives by ``parameter``, and so on. Beside them ``replicate_power`` in W, also over ``replicate``;
-        ``taxel_x`` and ``taxel_y``, the positions of the phototransistors in mm; ``seconds`` by ``stage``; ``mesh``, the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and
-        ``noise`` in V, and ``counts``. Failed readings are NaN; the attribute ``failures`` gives the reasons, one per
-        line. Other attributes are seed, points, mesh size, versions, the fixed parameters, and the seconds of the pilot
-        runs that chose points and mesh.
+        ``taxel_x`` and ``taxel_y``, the positions of the phototransistors in mm; ``seconds`` by ``stage``; ``mesh``,
+        the file of the pad; with a circuit, ``voltage``, ``voltage_error`` and ``noise`` in V, and ``counts``. Failed
+        readings are NaN; the attribute ``failures`` gives the reasons, one per line. Other attributes are seed, points,
+        mesh size, versions, the fixed parameters, and the seconds of the pilot runs that chose points and mesh.
 
     Raises
     ------
