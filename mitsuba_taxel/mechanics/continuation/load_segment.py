@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -18,6 +19,7 @@ from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact, Conta
 from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated, Node, hermite, hermite_rate
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected, Solution
@@ -347,15 +349,18 @@ class LoadSegment:
         """Time, in s, of the solution of all nodes up to the first one at or beyond the distance ``s``."""
         return sum(node.seconds for node in self.nodes[: self._first_from(s) + 1])
 
-    def solved(self, pad: Followed, s: float) -> Node:
+    def solved(self, pad: LoadedPad, s: float, near: Callable[[Node], Linearised] | None = None) -> Node:
         """The equilibrium at a distance along the segment, which must have been extended this far.
 
         Parameters
         ----------
-        pad : Followed
-            The pad.
+        pad : LoadedPad
+            The part of the pad that the segment needs.
         s : float
             Distance along the segment, in N, mm or MPa.
+        near : Callable[[Node], Linearised], optional
+            Returns the pad linearised at a node. With it, a state between stable nodes is solved with the factor of
+            the closer node, and its stability is not tested again.
 
         Returns
         -------
@@ -371,8 +376,12 @@ class LoadSegment:
         if end.s == s:
             return end
         guess = pad.towards(start.unknowns, hermite(start, end, s))
+        solve: Solve = pad.solve_linearised
+        if near is not None and start.stability_checked and end.stability_checked:
+            closer = start if s - start.s < end.s - s else end
+            solve = partial(pad.solve_between, near=partial(near, closer))
         try:
-            return self._node(pad, pad.solve_linearised, s, guess)[0]
+            return self._node(pad, solve, s, guess)[0]
         except Rejected:  # cubics are inaccurate in contact
             return self._node(pad, pad.solve_linearised, s, end.unknowns)[0]
 

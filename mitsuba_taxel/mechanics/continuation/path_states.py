@@ -19,7 +19,7 @@ from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
 from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated
 from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
 from mitsuba_taxel.mechanics.continuation.path_segments import PathSegments, nothing
-from mitsuba_taxel.mechanics.continuation.solved_states import SolvedStates
+from mitsuba_taxel.mechanics.continuation.solved_states import SolvedStates, release_factor
 from mitsuba_taxel.mechanics.continuation.state import PathRate
 from mitsuba_taxel.mechanics.elements.loads import Load, mirrored_value
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
@@ -230,6 +230,7 @@ class PathStates(PathProblem):
             # Follow the segment, unless it has been solved as far.
             touch = obstacles.first if obstacles else nothing
             if not segment.reaches(s):
+                release_factor()
                 self.segments.extend(segment, pad, s, start, touch)
             self._refuse_touch(segment, touch(segment, pad), s, mirrors)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from mitsuba_taxel.mechanics.continuation.path_nodes import Interpolated, Node
 from mitsuba_taxel.mechanics.continuation.path_problem import PathProblem
 from mitsuba_taxel.mechanics.continuation.path_segments import PathSegments
 from mitsuba_taxel.mechanics.continuation.pushed_states import PushedStates
+from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 from mitsuba_taxel.mechanics.equilibrium.loaded_pad import LoadedPad
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected
 
@@ -71,10 +73,16 @@ class SolvedStates:
             name = cache.key("state", self._segments.name_of(segment), s)
             with cache.alone(name):
                 arrays = cache.load(name)
-                solved[s] = segment.solved(pad, s) if arrays is None else Node(**cache.values_of(arrays))
                 if arrays is None:
+                    solved[s] = segment.solved(pad, s, partial(self._tangent_at, segment, pad))
                     cache.store(name, cache.arrays_of(solved[s]))
+                else:
+                    solved[s] = Node(**cache.values_of(arrays))
         return solved[s]
+
+    def _tangent_at(self, segment: LoadSegment, pad: LoadedPad, node: Node) -> Linearised:
+        """The pad linearised at a node. It depends on the node alone, like the states that use its factor."""
+        return _linearised_at(pad, node.unknowns.tobytes(), segment.value(node.s).tobytes())
 
     def keep(self, segment: LoadSegment, node: Node) -> None:
         """Store a solved node of a segment, for :meth:`at`.
@@ -196,6 +204,16 @@ class SolvedStates:
         displacement, pressure = self._state_under(normal)
         pad = self._segments.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
         return PushedStates(pad, pad.gather(displacement, pressure), normal)
+
+
+@kept(1)  # factors take memory
+def _linearised_at(pad: LoadedPad, unknowns: bytes, value: bytes) -> Linearised:
+    return pad.tangent_at(np.frombuffer(unknowns), np.frombuffer(value), None)
+
+
+def release_factor() -> None:
+    """Free the memory of the factor that was last used between nodes."""
+    _linearised_at.cache_clear()
 
 
 @kept(1)  # factors take memory

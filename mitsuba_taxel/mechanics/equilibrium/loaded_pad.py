@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 
@@ -53,6 +54,7 @@ class LoadedPad(MeshedPad):
     solve_symmetric          the same, or left to `refuse_unstable`         of the state, of a state near by
     solve_linearised         those with the symmetry of the load            of a state within `NEAR`
     solve_with_tangent       those with the symmetry of the load            of the state, of a state near by
+    solve_between            nothing: those on both sides are stable        of the state, of a state near by
     solve_after              those with the symmetry of the load            of the last iteration with a new one
     equilibrium_with_tangent nothing                                        of the state, its own
     equilibrium              nothing                                        none is returned
@@ -178,6 +180,34 @@ class LoadedPad(MeshedPad):
         if linearised is None or balanced.distance > NEAR * largest:
             linearised = self._linearised(self._entries(balanced, value), balanced.unknowns, value, linearised)
         return self._accepted(balanced, self.is_stable(linearised, balanced.unknowns, value)), linearised
+
+    def solve_between(
+        self, start: np.ndarray, value: np.ndarray, near: Callable[[], Linearised]
+    ) -> tuple[Solution, Linearised]:
+        """See :meth:`solve_linearised`; between two stable states of a path.
+
+        Parameters
+        ----------
+        start : (unknowns,) ndarray
+            Unknowns from which the iteration starts.
+        value : (c,) ndarray
+            Value of the load, in N, mm or MPa.
+        near : Callable[[], Linearised]
+            Returns the pad linearised at a nearby state, whose factor is used if that is enough.
+
+        Returns
+        -------
+        solution : Solution
+            The equilibrium.
+        linearised : Linearised
+            The pad linearised at it.
+
+        Raises
+        ------
+        Rejected
+            if there is no acceptable state.
+        """
+        return self.solve_linearised(start, value)
 
     def solve_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
         """The equilibrium and the linearised pad, as from :meth:`solve_linearised`. The tangent is that of the state
