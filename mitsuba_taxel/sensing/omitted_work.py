@@ -26,11 +26,12 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import State
 
 _PARTS = {1: "half", 2: "a quarter", 4: "an eighth"}
-"""Remaining part of a pad by the number of mirrors."""
+"""Solved part of a pad, in words, by the number of mirror symmetries."""
 _PLANES = {"x": "x = 0", "y": "y = 0", "xy": "y = x", "-xy": "y = -x"}
 """The plane of each mirror, by its name."""
 _FLAT = 4e-7
-"""Distance from a common plane, relative to the largest coordinate, within the error of single precision."""
+"""Largest distance of points in a common plane from this plane, relative to the largest coordinate: rounding of single
+precision."""
 
 
 def left_out(

@@ -57,40 +57,43 @@ from mitsuba_taxel.sensing.validity.checked import known_points
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
 
 TRUSTED = 0.01
-"""Relative error above which light without random numbers is not used: the response on a wall close above its package
-is not resolved then, and an error of 15 % is estimated as 6 %."""
+"""Largest relative error of light without random numbers that is used. Above it, the response on a wall close to its
+package is not resolved, and an error of 15 % is estimated as 6 %."""
 MECHANICS_SHARE = 0.85
-"""Fraction of a target error for the shape, where light has noise. More points cost little: the error of a scrambled
-net falls nearly as 1/points."""
+"""Fraction of a target error for the shape, if the light has noise. The light gets the smaller part, because more
+points cost little: its error falls nearly as 1 / points."""
 DARK_POINTS = 1 << 16
-"""Points per taxel and replicate after which a scene without light counts as dark. Where a roof rests on a package, no
-more points are traced, as little light still passes."""
+"""Number of points per taxel and replicate after which a scene without light counts as dark. If a roof rests on a
+package, no more points are traced, because little light passes."""
 DEVIATION_POINTS, MOST_DEVIATION_POINTS = 256, 1 << 14
-"""Points per taxel and replicate of the first and the longest traces for the error of mechanics: domes need many."""
+"""Number of points per taxel and replicate of the first and of the longest traces for the error of the mechanics; domes
+need many points."""
 DEVIATION_SHARE = 4
-"""Points of a reading, relative to those of the longest of these traces: a change has a fifth of the noise of a
+"""Number of points of a reading, relative to the longest of these traces: a change has a fifth of the noise of a
 reading."""
 GEOMETRY_POINTS = 64
-"""Points of the first traces for the error due to facets, which the first pilot run continues."""
+"""Number of points of the first traces for the error due to facets, which the first pilot run continues."""
 GEOMETRY_SHARE = 8
-"""Points of a reading, relative to those of each of the two longest traces for the error due to facets."""
+"""Number of points of a reading, relative to each of the two longest traces for the error due to facets."""
 CLEAR, NEGLIGIBLE = 1 / 3, 0.2
-"""Largest uncertainty of the error by mechanics or facets, relative to this error, and relative to a target error."""
+"""Largest uncertainty of the estimated error due to mechanics or facets, relative to this error, and relative to a
+target error."""
 _MOST_MORE = 16
 """Largest factor of the number of points from one of these traces to the next."""
 COST_ORDER = 4.0
-"""Power of the inverse element size with which the time of the mechanics grows."""
+"""The time of the mechanics is proportional to the inverse element size to this power."""
 RUNG, MOST_RUNGS = 0.9, 7
-"""Element sizes form a ladder with this ratio, so that studies reuse solutions; largest number of rungs in a step. A
-rung changes the error by a seventh, so that a mesh is not much finer than needed."""
+"""Element sizes are powers of this ratio times the first size, so that studies reuse solutions; and largest number of
+such reductions (rungs) at a time. A rung changes the error by a seventh, so that a mesh is not much finer than
+needed."""
 MOST_MESHES = 4
 """Largest number of refinements."""
 MOST_ELEMENTS = 250_000
 """Largest number of elements of a pad; a quarter of the paper's pad with this number takes about four gigabytes."""
 
 _SCATTER, _SAFETY = 0.13, 1.3
-"""Relative standard deviation of a standard error from 32 replicates, and the factor by which it stays below the target
-in nearly all scenes."""
+"""Relative standard deviation of a standard error from 32 replicates; and safety factor with which the error is below
+the target in nearly all scenes."""
 
 
 def geometry_of(ready: Prepared, seed: int, most: int = FIRST_POINTS, tolerance: float = 0.0) -> FacetsEstimate:

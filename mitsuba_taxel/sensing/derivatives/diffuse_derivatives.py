@@ -38,11 +38,10 @@ if TYPE_CHECKING:
     from mitsuba_taxel.sensing.diffuse.cell_patches import CellPatches
 
 LIGHT_SHARE = 0.25
-"""Standard deviation of the derivatives of the finer solution, relative to their difference from those of the coarser
-solution."""
+"""Standard deviation of derivatives, as a fraction of the difference between the finer and the coarser solution."""
 HORIZON_SHARE = 1.3
-"""Standard deviation of a derivative, relative to its change with a horizon of twice the width: compared with
-differences of readings of bent plates and loaded pads, it is 0.5 to 2.5."""
+"""Standard deviation of a derivative due to the smoothed horizon, as a fraction of its change with twice the width.
+Compared with differences of readings of bent plates and loaded pads, this fraction is 0.5 to 2.5."""
 
 
 def derivatives_by(

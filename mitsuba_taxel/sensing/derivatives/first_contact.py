@@ -30,13 +30,14 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.specification.deformable_pad import DeformablePad
 
 BEFORE = 1e-9
-"""Distance of the linearised state from the contact, relative to the change of the load up to there."""
+"""The state just before the contact is linearised: its distance from the contact, as a fraction of the change of the
+load up to the contact."""
 NEAR_END = 1e-3
-"""The same distance from the end of a path by an instability."""
+"""The same fraction for a load path that ends by an instability."""
 PARALLEL = 1e-9
-"""Sine of the angle between two loads that count as parallel."""
+"""Largest sine of the angle between two loads that count as parallel."""
 MOVED = 1e-4
-"""Largest movement of a node for a difference, relative to the height of the pad."""
+"""Largest movement of a node for a finite difference, relative to the height of the pad."""
 
 
 @in_turn

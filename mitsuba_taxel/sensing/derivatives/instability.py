@@ -12,7 +12,7 @@ from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 MOVED = 2e-5
-"""Movement of a node for a difference, relative to the height of the pad."""
+"""Largest movement of a node for the finite difference, relative to the height of the pad."""
 
 
 class Instability:

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import LinearisedState, State
 
 PARALLEL = 1e-8
-"""One minus the cosine up to which two changes of a load count as parallel."""
+"""Largest value of 1 - cos(angle) between two changes of a load that count as parallel."""
 
 MOST_KEPT = 8
-"""Number of the latest rates with a load that are kept. Each may need a factorisation, and a study asks for those of
-its first scene while it chooses steps and mesh, and again when it reads it."""
+"""Number of cached rates of the nodes with a load. Each may need a factorisation. A study needs those of its first
+scene twice: while it chooses steps and mesh, and for the readings."""
 
 _kept: Recent[np.ndarray] = Recent("responses of linearised pads", MOST_KEPT)
 

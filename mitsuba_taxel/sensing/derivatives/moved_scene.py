@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 
 WALLS_MOVE, PARTS_CHANGE = 0.015, 0.2
-"""Largest movement of walls, relative to the height of the pad, and change of another part's parameter, relative to it
-or to 1 if it is 0, for which a scene is read."""
+"""Largest changes for differences of readings: movement of walls, relative to the height of the pad; and change of a
+parameter of another part, relative to its value (to 1 if the value is 0)."""
 BESIDE = 0.1
 """Allowed distance of the nodes of one mesh from the elements of another, relative to the height of the pad."""
 

@@ -20,7 +20,7 @@ WALLS = (REGIONS["roof"], REGIONS["side"])
 _SAMPLES = shape_functions(np.array([[6 - i - j, i, j] for i in range(7) for j in range(7 - i)]) / 6)
 """Shape functions (28, 6) at the points of a face whose distance is computed."""
 _AT_ONCE = 32
-"""Points whose distance from a body is computed at once."""
+"""Number of points whose distance from a body is computed at a time."""
 
 
 class PackageClearance:

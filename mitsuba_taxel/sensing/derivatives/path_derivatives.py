@@ -36,17 +36,17 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.errors.second_state import SecondState
 
 LEVELS, FINER = 4, 2
-"""Number of steps that are tried, and the ratio of successive steps, which extrapolation uses as well."""
+"""Number of steps that are tried, and the ratio of successive steps, which is also that of the extrapolation."""
 PILOT = 16
-"""Index of the pilot runs' random numbers among those derived from a seed; readings use indices up to 15."""
+"""Index of the seed of pilot runs, for `derived_seed`; readings use indices up to 15."""
 NOISE = 0.02
-"""Target of the standard error due to noise, relative to the root mean square of the derivative over the taxels."""
+"""Target for the standard error due to noise, relative to the root mean square of the derivative over the taxels."""
 MORE_POINTS = 2
-"""Most points of a derivative, relative to those of the reading."""
+"""Largest number of points of a derivative, relative to that of the reading."""
 
 Stencil = tuple[tuple[float, float], ...]
 Mean = Callable[[np.ndarray], float]
-"""Root mean square of changes (R, T) over the taxels that receive light."""
+"""Function that returns the root mean square of changes (R, T) over the taxels that receive light."""
 
 
 def derivatives_of_paths(

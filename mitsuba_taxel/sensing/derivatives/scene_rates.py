@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import Material
 
 STEP = 1e-3
-"""Step of differences, relative to a parameter, or to 1 if it is 0."""
+"""Step of finite differences, relative to the value of the parameter (to 1 if the value is 0)."""
 NOISE = 1e-9
-"""Largest rate that counts as rounding."""
+"""Largest rate that counts as a rounding error."""
 FINISH_NUMBERS = {parameter.name for kind in FINISHES.values() for parameter in parameters_of(kind).values()}
 PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
 

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.surface.wall_patches import WallPatches
 
 ROUNDED = 1e-3
-"""Grain of the positions of packages, relative to the size of a cell: they follow LEDs, in single precision."""
+"""Positions of packages are rounded to this fraction of the size of a cell, because they follow from those of LEDs,
+which have single precision."""
 
 
 @dataclass(frozen=True, eq=False)

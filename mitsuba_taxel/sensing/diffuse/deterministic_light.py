@@ -20,17 +20,20 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 FINE, COARSE = 2, 1
-"""Degrees of the polynomials on a patch: of the solution for the reading, and of that for its error."""
+"""Degrees of the polynomials on a patch, for the solution that gives the reading, and for the coarser solution that
+gives its error."""
 READING_SHARE = 0.1
-"""Standard deviation of a reading, relative to its difference from the reading by the coarser solution."""
+"""Standard deviation of a reading, as a fraction of its difference from the coarser solution."""
 MOST_OFF = 0.01
 """Largest relative error of a reading with which derivatives are computed; it is estimated from the power of LEDs on
 walls and from the light that phototransistors accept."""
 HOPELESS = 0.1
-"""Relative error of the coarser solution, estimated from the light that phototransistors accept, above which no finer
-solution is tried: it takes longer, and its error is at least a tenth of that of the coarser solution."""
+"""Largest relative error of the coarser solution, estimated from the light that phototransistors accept, for which the
+finer solution is computed. The finer solution takes longer, and its error is at least a tenth of that of the coarser
+solution."""
 MOST_HIDDEN = 3e-3
-"""Largest fraction of a reading on paths that walls occlude. These paths are followed as if nothing occluded them."""
+"""Largest allowed fraction of a reading whose light travels on paths that walls occlude. The solution contains this
+light as if it were not occluded."""
 
 
 class DeterministicLight(NamedTuple):

@@ -40,24 +40,26 @@ if TYPE_CHECKING:
     from mitsuba_taxel.pads import AnyPad
 
 MOST_FACES = 400
-"""Limit of patches on the walls of a cell: time and memory grow with their square, to some 20 s and 4 GB."""
+"""Largest number of patches of a cell. Time and memory grow with its square, to about 20 s and 4 GB."""
 MOST_KEPT = 120
-"""Largest number of patches of a cell that is cached: its pairs of points take some 70 MB, a solution 15 MB."""
+"""Largest number of patches of a cell that is cached. Its pairs of points take about 70 MB, a solution 15 MB."""
 PROBES, LEAKS = 4096, 4
-"""Number of rays from each LED that test whether it lights only its own cell; how many may leak between triangles."""
+"""Number of rays from each LED that test whether it lights its own cell only, and number of rays that may leak between
+triangles."""
 CLEARANCE = 3e-3
-"""Offset of the ends of rays between walls, relative to the longest ray: the distance of triangles from the walls."""
+"""Offset of the ends of rays from walls, relative to the longest ray. It exceeds the distance between walls and their
+triangles."""
 COVER, BEYOND = 5.0, 1.01
-"""Largest depth of the ends of these rays within the silicone, relative to the offset; factor of the depth at which
-they start instead."""
+"""Ends of these rays may lie within the silicone: largest depth, relative to the offset; and factor by which an end is
+moved beyond the surface, relative to its depth."""
 EDGED = 5.0
-"""Factor of the error of light, relative to the difference of two solutions, where walls that scatter meet at sharp
-edges: polynomials do not follow the light between walls near an edge. Found by comparison with random paths."""
+"""Factor of the error of the light for cells whose scattering walls meet at sharp edges, because polynomials do not
+approximate the light near an edge well. It was found by comparison with random paths."""
 QUADRATURE, AT_EDGES, AT_ISOTROPIC_EDGES = 5e-5, 1.5e-4, 6e-4
-"""Relative standard deviation of a reading by the quadrature, which is the same for all solutions: without sharp edges
-between walls that scatter, with them, and with them if the walls scatter isotropically. Against spheres, and against
-patches of 0.6 of the size under load, readings differ by up to 1.1e-4; with edges, they differ from random paths by up
-to 2.4e-4 and 1.1e-3."""
+"""Relative standard deviation of a reading due to the quadrature, which is the same for all solutions: without sharp
+edges between scattering walls, with such edges, and with such edges between isotropic walls. Readings differ by up to
+1.1e-4 from closed forms for spheres, and from patches of 0.6 of the size under load; with edges, they differ from
+random paths by up to 2.4e-4 and 1.1e-3."""
 _MESHING = threading.Lock()
 """Lock with which one thread at a time computes the pairs of points of a cell, which others then take from the
 cache."""

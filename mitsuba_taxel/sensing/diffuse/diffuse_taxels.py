@@ -23,18 +23,19 @@ from mitsuba_taxel.transport.laws.tabulated_law import TabulatedLaw
 from mitsuba_taxel.transport.rules import disc_annulus_rule, rectangle_rule, square_annulus_rule
 
 LED_POINTS, PHOTOTRANSISTOR_POINTS = 2, 8
-"""Points along a side of a quarter of the LED, and of the phototransistor: more points change readings by less than
-1e-6."""
+"""Number of quadrature points along a side of a quarter of the LED, and along a side of the phototransistor. More
+points change readings by less than 1e-6."""
 SINGLE = 1e-7
 """Relative rounding error of single precision."""
 STEEPEST = 20.0
-"""Largest spread of a law, relative to its width: the number of pieces of walls in its light grows with the square."""
+"""Largest ratio of spread to width of a tabulated law. The number of patches in its light grows with the square of this
+ratio."""
 KINKED = 4.0
-"""Factor of the error of light, relative to the difference of two solutions, if a law has kinks, which polynomials
-follow more slowly. Found by comparison with patches of 0.6 of the size, for tables of five rows."""
+"""Factor of the error of the light if a law has kinks, at which polynomials converge more slowly. It was found by
+comparison with patches of 0.6 of the size, for tables of five rows."""
 HORIZON, NEARLY_DARK = 1e-4, 1e-3
-"""A table ends with a step if its last cosine and its last response, relative to the maximum, are both larger than
-this."""
+"""A tabulated response ends with a step if its last cosine, and its last value relative to the maximum, exceed these
+limits."""
 IntoPad = Callable[..., np.ndarray]
 """Transforms points, or directions if ``is_direction``, from world coordinates to the frame of the pad."""
 

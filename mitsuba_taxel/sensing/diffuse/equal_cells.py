@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics import State
 
 EQUAL, ALIKE = 1e-7, 1e-2
-"""Largest difference of nodal fields, and of their errors, from their mirror images, relative to the maximum."""
+"""Largest difference between a nodal field and its mirror image, relative to the maximum: for displacements, and for
+their errors."""
 PLACED = 1e-6
-"""Largest difference of the positions of equal ends in their cells, relative to the cell size: single precision."""
+"""Largest difference between the positions of equal LEDs or phototransistors in their cells, relative to the cell size.
+Positions have single precision."""
 
 
 def equal_cells(

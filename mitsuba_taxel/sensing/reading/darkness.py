@@ -14,11 +14,12 @@ from mitsuba_taxel.specification.analog_tracer import AnalogTracer
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
 
 _UPPER_LIMIT = 1.841
-"""Expected number of events of which none is seen with a probability of 15.9 %, that of values more than one standard
-deviation below the mean (N. Gehrels, Confidence Limits for Small Numbers of Events in Astrophysical Data, 1986)."""
+"""Expected number of events for which no event is observed with a probability of 15.9 %. This is the probability of a
+value more than one standard deviation below the mean (N. Gehrels, Confidence Limits for Small Numbers of Events in
+Astrophysical Data, 1986)."""
 
 _WITH_HITS = ("all", "unidirectional_hits")
-"""Strategies of a `taxel_tracer` that count the paths that hit the phototransistor."""
+"""Strategies of a `taxel_tracer` that count paths which hit the phototransistor."""
 
 
 def dark_errors(scene: mi.Scene, integrator: mi.Integrator, paths: int, taxels: int) -> np.ndarray:

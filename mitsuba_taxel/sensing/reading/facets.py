@@ -25,12 +25,13 @@ from mitsuba_taxel.sensing.reading.mechanics_error import moved
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 RAYS = 1 << 14
-"""From all LEDs together, and from all phototransistors."""
+"""Number of rays from all LEDs together, and from all phototransistors together."""
 LATTICE = 1.1673039782614187
-"""Root of x^5 = x + 1: multiples of its powers -1 to -4, less whole numbers, cover four dimensions evenly (M. Roberts,
-The unreasonable effectiveness of quasirandom sequences, 2018)."""
+"""Root of x^5 = x + 1. The fractional parts of the multiples of its powers -1 to -4 form a quasi-random sequence in
+four dimensions (M. Roberts, The unreasonable effectiveness of quasirandom sequences, 2018)."""
 TANGENT = 0.7
-"""Relative change of light that is scattered by Lambert's law with a tilt in radians: the tangent of 35 degrees."""
+"""Relative change of light scattered by Lambert's law, per radian of tilt: the tangent of a typical scattering angle of
+35 degrees."""
 
 
 def curved_pads(scene: mi.Scene) -> list[PadShape]:

@@ -119,7 +119,7 @@ REACTION_RESULTS: list[ReactionResult] = [
         for number, axis in enumerate("xy")
     ),
 ]
-"""All results of forces; they exist if a scene has one pad, which a bonded plate or an indenter loads."""
+"""All results of forces. They exist for scenes with one pad that is loaded by a bonded plate or an indenter."""
 
 
 def _plate_motion(attribute: str, axis: int) -> Callable[[State, bool], Estimate]:
@@ -157,7 +157,7 @@ PLATE_RESULTS = [
         for number, axis in enumerate("xyz")
     ),
 ]
-"""All results of the motion of a plate; they exist if a scene has one pad, whose plate tilts."""
+"""All results of the motion of a plate. They exist for scenes with one pad, whose plate tilts."""
 PAD_RESULTS = [
     PadResult(
         "largest_strain",
@@ -166,7 +166,7 @@ PAD_RESULTS = [
         _largest_strain,
     ),
 ]
-"""All of them; where a scene has several pads, the largest value counts."""
+"""All results of pads. For a scene with several pads, the largest value counts."""
 
 
 def pad_results(states: Sequence[State], with_errors: bool = True) -> dict[str, Estimate]:

@@ -25,9 +25,9 @@ from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.specification.taxel_tracer import TaxelTracer
 
 PAIRED = 25
-"""Index of the random numbers of differences among those derived from a seed."""
+"""Index of the seed of differences, for `derived_seed`."""
 PILOT_POINTS = 512
-"""Points per taxel and replicate by which the noise of both kinds of differences is compared."""
+"""Number of points per taxel and replicate of the pilot run that compares the noise of both kinds of differences."""
 NOT_PAIRED = (
     mi.BSDFFlags.Delta
     | mi.BSDFFlags.Delta1D
@@ -36,9 +36,9 @@ NOT_PAIRED = (
     | mi.BSDFFlags.Transmission
     | mi.BSDFFlags.Anisotropic
 )
-"""Properties of walls whose paths do not exist between given points, depend on the orientation of triangles, or have
-more noise: moved paths leave the lobe of a rough mirror of 5 degrees (two to three times the noise of shared random
-numbers)."""
+"""Properties of BSDFs for which paths through material points are not used: such paths do not exist between given
+points, depend on the orientation of triangles, or have more noise. At a rough mirror of 5 degrees, moved paths leave
+the lobe, and have two to three times the noise of shared random numbers."""
 
 
 def can_be_paired(ready: Prepared) -> bool:

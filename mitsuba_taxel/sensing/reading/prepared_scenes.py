@@ -14,11 +14,11 @@ from mitsuba_taxel.sensing.reading.runs import AnyScene, Prepared, Run
 from mitsuba_taxel.sensing.scene.description import Scene
 
 LIGHT_SHARE = 0.5
-"""Fraction of a target error for the light, where the mechanics does not reach the target."""
+"""Fraction of a target error for the light if the mechanics does not reach the target."""
 EXACT_SHARE = 0.75
-"""Largest error of light without random numbers, relative to a target, with which elements are refined rather than
-paths traced. No points reduce this error, but finer elements, with two thirds of the target for the mechanics, take
-less time than paths."""
+"""Largest error of light without random numbers, relative to a target error, for which the elements are refined instead
+of tracing random paths. This error cannot be reduced, but finer elements, for two thirds of the target error, take less
+time than paths."""
 
 
 class Settings(NamedTuple):

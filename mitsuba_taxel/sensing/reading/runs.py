@@ -25,13 +25,13 @@ from mitsuba_taxel.sensing.validity.checked import check_readable
 from mitsuba_taxel.sensing.validity.dark_backs import dark_backs
 
 REPLICATES = 32
-"""Independent randomisations of each reading; the standard error comes from their scatter."""
+"""Number of independent randomisations of each reading; their scatter gives the standard error."""
 MOST_POINTS = 1 << 20
 """Largest number of points per taxel and replicate."""
 FIRST_POINTS = 256
-"""Points per taxel and replicate of the first step of a run."""
+"""Number of points per taxel and replicate in the first step of a run."""
 CHOSEN_INTEGRATOR = "integrator taxel_tracer: it connects paths from LED and phototransistor, and supports every wall"
-"""Note on an integrator that the scene does not name."""
+"""Note for a scene that names no integrator."""
 
 
 class PairedPowers(Protocol):

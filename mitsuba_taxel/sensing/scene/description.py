@@ -51,17 +51,18 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 MOST_PARAMETERS = 1000
-"""Largest number of parameters of a scene: Mitsuba's parser takes a few more."""
+"""Largest number of parameters of a scene; the limit of Mitsuba's parser is a little higher."""
 MOST_NAMED = 10
 """Largest number of unused defaults that are named individually."""
 END_OF_PATH = "the load path ends at"
-"""Phrase in the error for a pad that cannot bear its load."""
+"""Phrase in the error for a pad that has no equilibrium under its load."""
 MESHED_AS = "meshed_as"
-"""Parameter of all scenes from files: 'name=value', separated by commas, of other parameters; the meshes of the pads of
-that scene are moved onto those of this one."""
+"""Parameter of all scenes from files. Its value has the form 'name=value', separated by commas, and defines a second
+scene with these parameter values. The meshes of the pads of that scene are moved to the dimensions of the pads of this
+scene."""
 
 _EMITTERS: WeakSet[mi.Emitter] = WeakSet()
-"""Emitters of the scenes that have been loaded and not been freed."""
+"""Emitters of the loaded scenes that have not been freed."""
 
 NESTED_SCENE = "a scene is nested in another object, where it has no effect: take it out."
 

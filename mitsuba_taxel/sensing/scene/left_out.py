@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 NONE = "none"
-"""Value of a parameter that leaves out the elements that use it."""
+"""Value of a parameter whose elements are left out of the scene."""
 
 
 def left_out(parameters: Mapping[str, str]) -> set[str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import mitsuba as mi
 
 _FOLLOWED = ("BSDF", "Emitter", "Sensor", "Medium", "Texture", "Unknown")
-"""Objects that the base class of shapes uses; it ignores all others. Plugins that a user registered for one variant
-only are "Unknown"."""
+"""Types of nested objects that Mitsuba's base class of shapes uses; all others are ignored. Plugins that a user
+registered for one variant only have the type "Unknown"."""
 _LEAVES = ("rectangle", "disk", "cube", "sphere", "cylinder", "obj", "ply", "serialized")
 """Mitsuba's shapes that use no other nested objects."""
 _SIDES = ("interior", "exterior")

@@ -12,10 +12,10 @@ from mitsuba_taxel.base.files.text import read_bytes
 DEEPEST = 16
 """Largest nesting depth of a scene: Mitsuba's parser is recursive."""
 DEEPEST_INCLUDE = 14
-"""Largest depth of files that include one another, of Mitsuba's parser."""
+"""Largest depth of files that include one another; it is the limit of Mitsuba's parser."""
 MOST_INCLUDED = 200
-"""Files that a scene may include, each counted as often as it is included: a few files that include each other twice
-would never end."""
+"""Largest number of included files, each counted as often as it is included. Without a limit, a few files that include
+each other twice would take practically forever."""
 LARGEST_SCENE = 1 << 26
 """Bytes of the largest file of a scene."""
 

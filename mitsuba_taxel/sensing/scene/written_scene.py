@@ -28,9 +28,9 @@ _NUMBERS = ("float", "integer")
 _VECTORS = ("vector", "point")
 _WORDS = ("string", "boolean")
 _SHARED = ("rows", "columns", "pitch")
-"""A pad and its photo-reflectors share one parameter for each of these, as long as their values are equal."""
+"""Quantities for which a pad and its photo-reflectors share one parameter if their values are equal."""
 _NOT_NAMED = ("meshed_as",)
-"""Words that do not become a parameter, as every scene has a parameter of this name."""
+"""Words that do not become parameters, because every scene has a parameter of this name."""
 
 
 def scene_text(

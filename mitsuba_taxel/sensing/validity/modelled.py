@@ -22,7 +22,7 @@ OF_MITSUBA = {
     "VolumetricPathIntegrator": "volpath",
     "VolpathMisIntegratorImpl": "volpathmis",
 }
-"""Class and plugin of Mitsuba's integrators that estimate the entire power; others leave out some of it."""
+"""Class and plugin of Mitsuba's integrators that estimate the entire power; other integrators miss a part of it."""
 _THROUGH_MEDIA = ("volpath", "volpathmis")
 LARGEST_REACH = 1000.0
 """Largest distance of LEDs and phototransistors from the origin, relative to the side of their faces. At this limit,

@@ -17,10 +17,12 @@ from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.sensing.validity.ray_paths import PathStep, emit, follow
 
 NARROWEST_GAP = 0.14
-"""Smallest distance from a phototransistor to the wall above it, relative to that from its LED, for `taxel_path`. Below
-it, one path in a thousand finds the light, with far more weight than all others, and 256 points may miss it."""
+"""Smallest distance between a phototransistor and the wall above it, relative to its distance from the LED, for
+`taxel_path`. In narrower gaps, one path in a thousand finds the light, with a much larger weight than all other paths,
+and 256 points may miss it."""
 _PATHS, _REFLECTIONS, _LEFT = 256, 4096, 0.75
-"""If this fraction of the light remains after these reflections, 1e-4 remains after 131072 reflections."""
+"""Number of paths, number of reflections, and largest fraction of the light that may remain after these reflections. If
+this fraction remains, 1e-4 remains after 131072 reflections."""
 
 
 def refuse_unreadable(scene: mi.Scene, integrator: mi.Integrator) -> None:
