@@ -137,8 +137,6 @@ class Readings(Displayed):
     responsivity : (T,) ndarray or None
         Photocurrent per optical power of each phototransistor at the wavelength of its LED, in A/W; None if LEDs and
         phototransistors cannot be paired.
-    positions : (T, 2) ndarray or None
-        Centres of the phototransistors along x and y of the first of their boards, in mm; None if unknown.
     deviation : (T,) ndarray or None
         Change of the power, in W, if the loaded pads have the shape that coarser finite elements give. NaN if unknown.
         None if no pad is loaded or the error of the mechanics was not requested; the stated errors are then those of
@@ -168,6 +166,8 @@ class Readings(Displayed):
         description of the limit.
     finishes : dict[str, str]
         Finish (texture) of the cells' walls with its parameters, by the name of the wall, such as ``roof and side``.
+    positions : (T, 2) ndarray or None
+        Centres of the phototransistors along x and y of the first of their boards, in mm; None if unknown.
     """
 
     replicates: np.ndarray
@@ -177,7 +177,6 @@ class Readings(Displayed):
     parameters: dict[str, str] = field(default_factory=dict)
     irradiance: np.ndarray | None = None
     responsivity: np.ndarray | None = None
-    positions: np.ndarray | None = None
     deviation: np.ndarray | None = None
     dark_error: np.ndarray | None = None
     facets: np.ndarray | None = None
@@ -189,6 +188,7 @@ class Readings(Displayed):
     remarks: list[str] = field(default_factory=list)
     exceeded_limits: dict[str, float] = field(default_factory=dict)
     finishes: dict[str, str] = field(default_factory=dict)
+    positions: np.ndarray | None = None
 
     def __str__(self) -> str:
         return readings_text(self)
