@@ -39,12 +39,12 @@ COARSEST = 2 * DEFAULT_MESH_SIZE
 REFINEMENT = 2**0.5
 """Largest elements in mm, and the ratio of successive sizes."""
 FEWEST_SIZES = 2
-"""Solved regardless of the time limit."""
+"""Number of mesh sizes that are solved regardless of the time limit."""
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 STRICT = 1e-6
 """Step tolerance of the reference."""
 POINTS = 1 << 12
-"""Light paths for each taxel and replicate, with common random numbers."""
+"""Number of light paths for each taxel and replicate; all readings share their random numbers."""
 SEED = 1 << 20
 ELEMENTS = "Elements are of second order (ten nodes) in all rows: there is no other order to compare."
 

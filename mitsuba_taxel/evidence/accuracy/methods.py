@@ -21,11 +21,12 @@ from mitsuba_taxel.sensing.scene.left_out import used_by
 from mitsuba_taxel.specification.taxel_tracer import STRATEGIES
 
 LARGEST_STRAY = 1e-4
-"""Largest fraction of a reading from LEDs of other taxels, for integrators that light all LEDs at once."""
+"""Largest fraction of a reading that may come from LEDs of other taxels, for integrators that light all LEDs at
+once."""
 _STRAY_POINTS = 256
 _RAYS = 1 << 12
 MOST_LANES = 1 << 25
-"""Paths per launch of Mitsuba's integrators."""
+"""Largest number of paths in a launch of Mitsuba's integrators."""
 
 
 class Estimate(NamedTuple):

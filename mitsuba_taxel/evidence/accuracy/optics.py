@@ -29,17 +29,17 @@ from mitsuba_taxel.sensing.reading.runs import derived_seed
 from mitsuba_taxel.sensing.scene.description import Scene
 
 FEWEST_SEEDS, MOST_SEEDS = 4, 16
-"""Number of runs with each number of samples; all have different seeds."""
+"""Smallest and largest number of runs with each number of samples; all runs have different seeds."""
 LARGEST_SHARE = 1 / 8
-"""Fraction of a method's time for runs beyond the minimum at one number of samples."""
+"""Largest fraction of a method's time for the runs with one number of samples, beyond the smallest number of runs."""
 FIRST_SAMPLES = 1 << 7
-"""Few enough that a run takes as long as its launch."""
+"""First number of samples: so few that the time of a run is that of its launch."""
 REFERENCE_TIME = 4.0
-"""Time of a reference relative to that of a method; the longest run of a method takes an eighth of its time at most."""
+"""Time of a reference, relative to that of a method, whose longest run takes at most an eighth of its time."""
 UNBIASED = ("taxel_tracer", "taxel_path")
-"""Preferred references: their weights are bounded, and they benefit from quasi-random points."""
+"""Preferred integrators for references: their weights are bounded, and they benefit from quasi-random points."""
 SIGNIFICANT = 5.0
-"""Standard errors beyond which a deviation is reported."""
+"""Smallest deviation that is reported, in standard errors."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 TITLES = {"optics": "light", "mechanics": "mechanics", "chain": "reading: light and mechanics"}
 MOST_ACROSS = 4
 LABELLED = ("mechanics", "chain")
-"""Parts with few points, which get labels."""
+"""Parts of the computation with few points, which are labelled."""
 
 
 def plot_accuracy(

@@ -40,17 +40,18 @@ from mitsuba_taxel.specification.wall import Wall
 from mitsuba_taxel.studies.plan.files import make_folder
 
 PATCHES = (2.0, 1.4, 1.0, 0.7)
-"""Sizes of patches, relative to the default."""
+"""Patch sizes, relative to the default."""
 BALL_RADIUS, DEPTHS, FINE = 2.0, (0.1, 0.2, 0.4), 0.7
 """Radius of the ball, its depths, and mesh size of the reference, in mm."""
 FORCE = -1.0
 """Force in N at which derivatives are computed."""
 SLOPE_POINTS, SLOPE_SEEDS = (256, 1024, 4096), 2
-"""Points per replicate of derivatives by random paths, and runs with each."""
+"""Numbers of points per replicate of derivatives by random paths, and number of runs with each."""
 FACETS_POINTS = 4096
-"""Points per replicate of the reading from which the error of triangles is taken."""
+"""Number of points per replicate of the reading that gives the error due to triangles."""
 LONGER, LONGER_SLOPES = 32, 8
-"""Samples of a reference's run, relative to the longest run that is compared with it."""
+"""Number of samples in a run of the reference, relative to the longest run that is compared with it: for readings, and
+for slopes."""
 LONGEST = MOST_POINTS * REPLICATES // LONGER
 WITHOUT, PATHS = "without random numbers", "random paths"
 

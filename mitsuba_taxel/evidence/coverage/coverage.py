@@ -17,7 +17,8 @@ from mitsuba_taxel.evidence.rows.row_files import Named, ResumedTable, matching
 
 MOST_SECONDS = 3600.0
 MOST_MEMORY = 48 * 2**30
-"""In bytes of address space: for ten cells on elements of 0.4 mm, solvers reserve over 16 GB and use about 3 GB."""
+"""Memory limit in bytes of address space. For ten cells on elements of 0.4 mm, solvers reserve over 16 GB and use about
+3 GB."""
 PARTS = ("readings", "figures", "probabilities")
 """Tables of the page."""
 

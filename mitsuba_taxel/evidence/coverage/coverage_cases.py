@@ -44,9 +44,10 @@ from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.scene.scene_pads import loaded_pads
 
 FINE = 0.4
-"""Largest mesh size of the truth in mm; it is extrapolated from this size and from `COARSER` times it."""
+"""Largest mesh size of the reference in mm. The reference value is extrapolated from readings with this mesh size and
+with `COARSER` times this size."""
 FINER = 2.0
-"""Smallest ratio of the mesh sizes of the reading and of the truth."""
+"""Smallest ratio between the mesh sizes of the reading and of the reference."""
 COARSER = math.sqrt(2)
 PITCH_OF_THICK_WALLS = 3.55
 TOUCHED = ("sphere", "punch", "cylinder", "plane")
@@ -55,7 +56,8 @@ SEED = 53
 FILLETS = (0.1, 0.4)
 """Range of the radii of rounded edges, mm."""
 FINE_OF_DOMES = {"spherical": 0.25, "hemispheric": 0.4}
-"""Mesh sizes in mm of the truth of 2 x 2 domes: half the size of the reading would take too long."""
+"""Mesh sizes in mm of the references of 2 x 2 domes, for which half the mesh size of the reading would take too
+long."""
 
 
 @dataclass(frozen=True)

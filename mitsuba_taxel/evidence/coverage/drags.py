@@ -30,14 +30,14 @@ from mitsuba_taxel.pads import CELL_SHAPES
 
 SEED = 52
 FRICTION = 1e-4
-"""Coefficient of dragged bodies: the friction force is far below the errors of the elements."""
+"""Friction coefficient of dragged bodies. The friction force is far below the errors of the elements."""
 RADII, POSITIONS, DEPTH = (0.3, 0.5, 1.0), (0.4, 0.8, 1.2, 1.6, 2.0), 0.1
-"""Radii, positions along x and depth in mm of a grid of balls on a parallelepiped. As many more balls have radii from
-0.3 to 3 mm, on the paper's cells, at random positions and depths."""
+"""Radii, positions along x, and depth, in mm, of a grid of balls on a parallelepiped cell. The same number of balls has
+radii from 0.3 to 3 mm, on the paper's cells, at random positions and depths."""
 OTHER_CASES = 2
-"""Number of states of each other kind of cell and of indenter."""
+"""Number of cases with each other kind of cell, and with each other kind of indenter."""
 ALLOWED, LARGEST = 2.0, 0.03
-"""Largest deviations in combined errors, and relative."""
+"""Largest allowed deviation, in combined errors, and relative to the value."""
 
 _PAGE = """\
 # Dragged and pressed indenters

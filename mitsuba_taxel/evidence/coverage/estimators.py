@@ -38,10 +38,11 @@ SEED = 58
 IMAGES, DIFFERENCES = 5, 4
 """Numbers of scenes for each shape with a flat roof, and for each shape."""
 POINTS, IMAGE_POINTS, DIFFERENCE_POINTS = 1 << 12, 1 << 18, 1 << 15
-"""Points per replicate of the estimators, and of the paths that they are compared with. Without images, rare paths have
-much of the light: their scatter shows the error only with many points."""
+"""Numbers of points per replicate: of the estimators, and of the plain paths for readings and for differences. Plain
+paths for readings need many points: rare paths carry much of the light, so that the scatter of few points understates
+the error."""
 ALLOWED = 4.0
-"""Largest deviation in combined errors: some 1 in 16 000 scenes is further off by chance."""
+"""Largest allowed deviation, in combined errors; about 1 in 16 000 scenes exceeds it by chance."""
 FILLET = 0.1
 """Radius of rounded edges, mm."""
 FINISH_VALUES: dict[str, dict[str, Any]] = {

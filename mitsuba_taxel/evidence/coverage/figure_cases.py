@@ -36,20 +36,20 @@ SEED, CASES = 53, 40
 TRIES = 100
 LOADS = 8
 OTHER_KINDS = {4: "tangential force", 7: "random paths", 9: "viscoelastic"}
-"""Kinds of scenes, by the last digit of their number; all others are under a normal force."""
+"""Kinds of scenes, by the last digit of their number; all other scenes have a normal force."""
 STRAINS = (0.008, 0.04)
 """Range of the largest pressure, relative to Young's modulus."""
 STEP = math.sqrt(2)
-"""Ratio of the two element sizes from which the truth is extrapolated."""
+"""Ratio of the two element sizes from which reference values are extrapolated."""
 LARGER, FACTOR = (5, 6, 11, 12), 4
-"""Scenes, one for each shape of cells, that are also read under so many times their loads."""
+"""Numbers of scenes, one for each cell shape, that are repeated with larger loads; and factor of the loads."""
 FINE, FINE_RIM = 0.6, 0.15
-"""Largest size in mm of the finest elements of the truth, and that in spherical cells with an isotropic roof. Such a
-roof bends into the cell along its rim, where points fall below each other's horizons, in a strip as wide as an element:
-readings approach their limit by a power of the size on much smaller elements only. The nonlinearity of scene 03 is
-0.3104, 0.2487, 0.2422, 0.2515, 0.2625 and 0.2700 % on elements of 0.6, 0.424, 0.3, 0.212, 0.15 and 0.106 mm."""
+"""Largest size in mm of the finest elements of the reference, in general and in spherical cells with an isotropic roof.
+Such a roof bends into the cell along its rim; points in a strip as wide as an element lie below each other's horizons.
+Readings therefore converge with a power of the element size on much smaller elements only. The nonlinearity of scene 03
+is 0.3104, 0.2487, 0.2422, 0.2515, 0.2625 and 0.2700 % on elements of 0.6, 0.424, 0.3, 0.212, 0.15 and 0.106 mm."""
 POINTS = 1 << 14
-"""Number of random paths of the truth for each taxel and replicate, where light needs them."""
+"""Number of random paths of the reference for each taxel and replicate, if the light needs them."""
 OTHER_SEED = 7
 """Seed of these paths; the seed of the sweeps is 0."""
 

@@ -12,15 +12,17 @@ TARGETS = {"default": None, "permille_2": 0.002, "permille_1": 0.001}
 KINDS = ("value", "error")
 
 _TRUE = ("true", "noise", "further")
-"""Columns of the truth of each figure: value in the limit of small elements, its noise, change by the extrapolation."""
+"""Columns of the reference value of each figure of merit: the value in the limit of small elements, its noise, and its
+change by the extrapolation."""
 
 
 TRUTH_SHARE = 0.5
-"""Error of the truth, relative to the change by the extrapolation, which assumes that errors fall with the power 1.5 of
-the element size. Powers of 1 and 2 change the extrapolation by 50 and -25 % if the two sizes differ little."""
+"""Error of a reference value, as a fraction of its change by the extrapolation. The extrapolation assumes that errors
+fall with the power 1.5 of the element size; powers of 1 and 2 would change it by 50 and -25 % if the two sizes differ
+little."""
 LEAST_TRUTH = 0.002
-"""Least relative error of a slope in the limit: two meshes may agree by chance. Elements of 0.6 mm have errors of 0.4
-%, if elements of 1.1 mm have the typical error of 1 %; the extrapolation halves it."""
+"""Smallest relative error of the reference value of a slope, because two meshes may agree by chance. Elements of 0.6 mm
+have errors of 0.4 % if elements of 1.1 mm have the typical error of 1 %; the extrapolation halves this error."""
 
 
 def _truth_error(row: Any, figure: str) -> float:

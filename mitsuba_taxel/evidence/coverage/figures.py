@@ -22,15 +22,15 @@ MOST_SECONDS = 1800.0
 NAMES = {"default": "default", "permille_2": "0.2 %", "permille_1": "0.1 %"}
 """Target errors in words."""
 SHOWN = ("nonlinearity", "max_slope")
-"""Figures of the table of scenes."""
+"""Figures of merit in the table of scenes."""
 HEADINGS = ("scene", *(f"{figure}, {NAMES[t]}" for figure in SHOWN for t in TARGETS),
             *(f"reference / stated, {figure}" for figure in SHOWN),
             "course", "strain", "reference [mm]", "CPU s", "reference CPU s", "remark")  # fmt: skip
 COUNTS = ("figure", "target", "figures", "not judged", "within once", "within twice", "stated / true, median", "worst")
 
 DIFFERENCE = math.sqrt(2 * (1 - math.exp(-1 / 2)))
-"""Standard deviation of the change of a course from zero load to the largest load, if the course has standard deviation
-1."""
+"""Standard deviation of the change of a course (a random function of the load) from zero load to the largest load, if
+the course has a standard deviation of 1."""
 
 _PAGE = """\
 # Figures of merit of scenes drawn at random

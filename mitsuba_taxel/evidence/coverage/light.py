@@ -18,7 +18,7 @@ from mitsuba_taxel.evidence.rows.row import cells, headings
 from mitsuba_taxel.evidence.rows.row_files import ResumedTable, not_measured
 
 ALLOWED, TWICE = 3.0, 2.0
-"""Largest deviations in combined errors of all readings, and of 95 % of them."""
+"""Largest allowed deviation of all readings, and of 95 % of the readings, in combined errors."""
 SECONDS, MEGABYTES = 30.0, 3000.0
 """CPU time in s and memory in MB above which a reading counts as expensive."""
 

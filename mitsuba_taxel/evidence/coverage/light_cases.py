@@ -22,21 +22,21 @@ from mitsuba_taxel.sensing.reading.runs import prepare
 from mitsuba_taxel.sensing.targets import geometry_of
 
 CASES, SLOPES = 120, 12
-"""Number of configurations of the paper's shapes of cells, and of those whose derivatives are compared."""
+"""Number of configurations with the paper's cell shapes, and number of these whose derivatives are compared."""
 OTHER_CASES = 2
-"""Number of configurations of each other shape; derivatives are compared for the last."""
+"""Number of configurations with each other shape; derivatives are compared for the last of them."""
 TRIES = 1000
 """Largest number of draws of a configuration."""
 FIRST, MOST = 1 << 12, 1 << 18
-"""Points per replicate of the first trace of random paths, and largest number of the last."""
+"""Number of points per replicate of the first trace of random paths, and largest number of the last trace."""
 TRACE_SECONDS = 15.0
 """Approximate CPU time of each comparison by random paths."""
 NOISE = 3e-5
 """Relative standard error of random paths at which tracing ends."""
 TIGHT = 0.001
-"""Relative target error whose CPU time is measured beside that of the default settings."""
+"""Relative target error, for which the CPU time is measured in addition to that at the default settings."""
 DERIVED = ("cell_height", "cell_size")
-"""Parameters of the derivatives that are compared."""
+"""Parameters whose derivatives are compared."""
 
 
 @dataclass(frozen=True)

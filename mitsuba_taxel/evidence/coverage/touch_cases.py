@@ -16,8 +16,8 @@ from mitsuba_taxel.sensing import PadSensor
 
 SEED = 52
 FINE_OF_TOUCH = 0.75
-"""Size in mm of the finest elements of the truth. Elements under a body are smaller in proportion: with 0.4 mm, there
-would be thirty times as many as by default."""
+"""Size in mm of the finest elements of the reference. Elements below a body are proportionally smaller: with 0.4 mm,
+there would be thirty times as many elements as by default."""
 
 Setting = tuple[str, dict[str, Any]]
 

@@ -41,15 +41,15 @@ CASES = (
     (1, (0.2, 0.2, -0.6)),
     (3, (0.6, 0.0, -2.0)),
 )
-"""Cells along a side of the pad, and force on each cell in N, of the paper's domes."""
+"""For the paper's domes: number of cells along each side of the pad, and force on each cell in N."""
 OTHER_CASES = ((1, (0.0, 0.0, 0.0)), (1, (0.0, 0.0, -1.0)))
-"""The same of each other registered shape of cells."""
+"""The same for each other registered cell shape."""
 FINE = {1: 0.25, 3: 0.4}
-"""Mesh size in mm of the truth under normal forces, by cells along a side."""
+"""Mesh size in mm of the reference under normal forces, by the number of cells along a side."""
 FINE_ASIDE = {1: 0.3, 3: 0.4}
-"""The same under tangential forces, for which half the pad is solved, not an eighth. For 3 x 3 cells this takes too
-much memory: the stability of their truth is judged on the default elements, and they are solved by parts of the pad, as
-readings are."""
+"""The same under tangential forces, for which half of the pad is solved, instead of an eighth. For 3 x 3 cells, this
+takes too much memory: the stability of their reference is tested on the default elements, and the reference is solved
+with the symmetry of the pad, as readings are."""
 PADS: tuple[tuple[float, dict[str, float]], ...] = (
     (-1.0, {}),
     (-2.0, {}),
@@ -58,13 +58,15 @@ PADS: tuple[tuple[float, dict[str, float]], ...] = (
     (-2.5, {"cell_size": 2.2, "wall": 1.2}),
     (-1.2, {"youngs_modulus": 2.0}),
 )
-"""Pads of one hemispheric mirror: force in N, and parameters that are not the default, in mm and MPa."""
+"""Pads with one hemispheric mirror: force in N, and parameters that differ from the default, in mm and MPa."""
 LARGER, SMALLEST = 1.25, 0.3
-"""Mesh sizes in mm of these pads: an additional size that is tested beside the default, and that of the truth."""
+"""Mesh sizes in mm of these pads: an additional size that is tested as well as the default, and that of the
+reference."""
 POINTS, RAYS = 1 << 13, 1 << 19
-"""Points per replicate for all taxels of a mirror together; rays of each of the 16 runs of a reference."""
+"""Number of points per replicate for all taxels with a mirror together; number of rays in each of the 16 runs of a
+reference."""
 MORE_POINTS = {("spherical", "rough mirror"): 16}
-"""Factor of the number of points, where few paths carry the light."""
+"""Factor of the number of points for cells in which few paths carry the light."""
 
 PAD_HEADINGS = ("pad", "load [N]", "reference [W/W]", "deviation", "noise", "stated", f"deviation, {LARGER:g} mm")
 HEADINGS = ("cell", "roof", "cells", "N per cell", "reference [W/W]", "deviation", "noise", "stated for the shape")

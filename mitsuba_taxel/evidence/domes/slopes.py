@@ -21,7 +21,7 @@ FORCES = ((0.0, 0.0, -0.8), (0.1, 0.03, -1.0))
 """Forces on one cell in N."""
 PARAMETERS = ("fz", "fx", "youngs_modulus", "cell_size", "wall", "spacing")
 FINE = 0.6
-"""Mesh size in mm of the truth, half the default of cells with flat roofs."""
+"""Mesh size in mm of the reference, half the default of cells with flat roofs."""
 
 HEADINGS = ("cell", "force [N]", "by", "value", "unit", "stated", "deviation", "deviation / stated", "CPU s for all")
 

@@ -17,13 +17,13 @@ from scipy.special import erf
 from scipy.stats import qmc
 
 RADIUS = 1.275
-"""Radius of the cell's mouth."""
+"""Radius of the cell's mouth, in mm."""
 BOARD = 0.5
-"""Height of the plane of LED and phototransistor above the board."""
+"""Height of the plane of LED and phototransistor above the board, in mm."""
 LED, WIDTH, DEPTH = 0.25, 0.52, 0.3
-"""Sides of the LED, and of the phototransistor along x and y."""
+"""Side of the LED, and sides of the phototransistor along x and y, in mm."""
 CONE = math.radians(88.0)
-"""Half the apex angle of the LED's cone."""
+"""Half the apex angle of the LED's cone, in radians."""
 
 
 def gauss(low, high, count):

@@ -35,13 +35,13 @@ MESH_SIZE = 2.0
 NORMAL = (0.0, 0.0, -20.0)
 """Default load, in N."""
 FINER = 1.5
-"""Mesh size of a case, relative to that of the finer mesh."""
+"""Ratio between the mesh size of a case and that of the finer mesh."""
 JUST_BEFORE = 0.999
 """Load of the state that is reported for a path that ends early, relative to the load at its end."""
 MOST_IMBALANCE = 1e-2
-"""Allowed imbalance of an interpolated state with accurate displacements."""
+"""Allowed imbalance of forces, relative to the load, of an interpolated state with accurate displacements."""
 MOST_UNDERSTATED = 2.0
-"""Allowed change of the roofs on a finer mesh, relative to the stated error."""
+"""Allowed change of the roofs' displacement on a finer mesh, relative to the stated error."""
 
 _MIDPOINTS = np.array([[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]])
 

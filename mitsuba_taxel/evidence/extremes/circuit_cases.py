@@ -21,9 +21,9 @@ from mitsuba_taxel.evidence.extremes.table_case import TimedCase
 DIGITS, BISECTIONS = 60, 150
 """Decimal digits of the reference, and number of bisections."""
 MOST_DIFFERENCE = 1e-9
-"""Allowed relative difference from it."""
+"""Allowed relative difference from the reference."""
 LEAST = 1e-200
-"""Allowed absolute difference in V."""
+"""Allowed absolute difference from the reference, in V."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from mitsuba_taxel.specification.wall import Wall
 LOW_CELL = Pad("cylindrical", rows=1, columns=1, height=3.0, cell_height=0.85)
 """A cell whose roof is 0.35 mm above the package."""
 ROUNDING = 1e-6
-"""Relative rounding error of single precision, to which scaling laws hold."""
+"""Relative error with which scaling laws are fulfilled: rounding of single precision."""
 OF_TIME_STEPS = 1e-4
 """Relative error of readings due to time steps, and to relaxation during a short rise of the load."""
 OF_QUADRATURE = 2e-3
@@ -52,7 +52,8 @@ MIRROR = """<scene version="3.9.0">
 POINTS_OF_A_BILLION = 1 << 20
 
 read = partial(measure, mechanics_error=False)
-"""Readings without the error of the mechanics: no row shows this error, and it needs a second mesh."""
+"""Function that computes readings without the error of the mechanics, which no row shows and which would need a second
+mesh."""
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,14 @@ from mitsuba_taxel.characterise.shape_error import COURSE, VARIANTS
 LOADS = np.linspace(0.0, -2.0, 6)
 VARIANT_COUNT, REPLICATES = 3, 32
 CHANGE, BEND = 0.25, 0.03
-"""Change of the reading over the loads, relative to that at rest, and nonlinearity, relative to the change."""
+"""Change of the reading over all loads, relative to the reading at rest; and nonlinearity, relative to this change."""
 ERROR = 0.01
 """Standard deviation of errors at the last load, relative to the change."""
 FIGURES = ("relative_slope", "nonlinearity")
 SPREAD = 4.0
-"""Half range of the variants' true figures, and of limits, in these errors. In a small range, the variant that seems
-best would owe its rank to its error more often than stated, as the probabilities assume no prior range."""
+"""Half range of the variants' true figures of merit, and of limits, in units of these errors. In a small range, the
+variant that seems best would owe its rank to its error more often than stated, because the probabilities assume no
+prior range."""
 SHARED_NOISE = 0.8
 """Fraction of the light's noise variance that is common to all variants, as they use the same random numbers."""
 ERRORS = ("elements", "light", "elements and light")

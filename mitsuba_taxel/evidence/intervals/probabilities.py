@@ -20,7 +20,7 @@ SEEDS = 80
 SIGMAS = 3.0
 """Allowed deviation of a frequency from the mean stated probability, in standard errors of the frequency."""
 SLACK = 0.03
-"""Allowed deviation in addition, as for intervals."""
+"""Additional allowed deviation, as for intervals."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 SIDE = 5
 """Cells along each side of the pad."""
 TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.7, 1.95, 2.05)
-"""Travels of the indenter in mm at which a path is read."""
+"""Travels of the indenter in mm at which readings are computed."""
 POINTS, MESH_SIZE = 256, 1.6
 """Number of light paths for each taxel and randomisation; size in mm of the elements away from cells and indenter,
 nearly the largest that the cells permit."""

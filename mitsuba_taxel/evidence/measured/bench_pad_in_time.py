@@ -19,7 +19,7 @@ CYCLE_TRAVEL = max(measured.PRESSES[measured.PRESSED].travels)
 REACHED, HELD = 0.1, 30.0
 """Time in s at which the travel of the hold is reached, and duration of the hold."""
 HOLD_TIMES = (0.05, 0.2, 0.5, 1.0, 3.0, 8.0, HELD)
-"""Times of the hold in s at which it is read."""
+"""Times during the hold, in s, at which readings are computed."""
 POINTS = 1024
 """Number of light paths for each taxel and randomisation after the release, when changes are small."""
 

@@ -15,9 +15,10 @@ from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 INDENTER, START = "sphere", (7.5, 1.05)
 """End of the rod; first guess of height and radius in mm."""
 PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.05)
-"""Travels in mm at the other taxels, where paths may end before the travel of the hold."""
+"""Travels in mm for the predicted taxels, whose load paths may end before the travel of the hold."""
 MAP_TRAVEL = 1.6
-"""Travel in mm of the computed map; under an indenter off the middle, paths may end before the travel of the hold."""
+"""Travel in mm of the computed map. With an indenter beside the middle, load paths may end before the travel of the
+hold."""
 FINER = 1.05
 """Size in mm of smaller elements, on which the hold of the fitted pad is computed again."""
 

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares, minimize_scalar
 
 DIFFERENCE = 0.1
-"""Relative change of an unknown for the first derivatives."""
+"""Relative step of an unknown for the first derivatives, which are finite differences."""
 LONGEST = 0.25
 """Largest relative change of an unknown in one step."""
 SETTLED = 0.02
@@ -26,7 +26,7 @@ UNKNOWNS = 4
 LATEST = 0.3
 """Largest travel in mm at which a record may begin."""
 DIGITS = 3
-"""Significant digits of the unknowns, so that stored paths are found again."""
+"""Number of significant digits to which unknowns are rounded, so that stored load paths are found again."""
 
 
 class PressedTaxel(NamedTuple):

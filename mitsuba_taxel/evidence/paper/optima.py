@@ -22,8 +22,8 @@ MESH_SIZE = 1.6
 LEAST_WALL = 0.8
 """Thinnest wall that the mould allows, in mm."""
 LEAST_RADIUS = 0.3
-"""Least radius of curvature of the roof of a square profile, in mm: spikes take more patches for light without random
-numbers than are allowed."""
+"""Least radius of curvature of the roof of a square profile, in mm. Sharper tips need more patches for light without
+random numbers than are allowed."""
 PROFILE = "profile"
 NOISE = 1e-6
 """One standard deviation of a reading, in W."""
@@ -58,7 +58,7 @@ SQUARE = f"square {PROFILE}"
 """A profile whose cells are square from above."""
 PROFILES = (PROFILE, SQUARE)
 LEANING = "leaning parallelepiped"
-"""Box-shaped cells whose tops may lie off their axes along x."""
+"""Parallelepiped cells whose tops may be shifted from their axes along x."""
 MOST_LEAN = 0.5 * LEAST_WALL
 """Largest shift in mm of the tops of outer cells into the thinnest wall."""
 MORE = {"normal": PROFILES, "tangential": (LEANING,)}

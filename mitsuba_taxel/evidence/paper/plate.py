@@ -19,7 +19,7 @@ PEAK_SPACINGS = (*(round(0.4 + 0.05 * i, 2) for i in range(11)), 0.94)
 PEAK_HEIGHTS = tuple(np.geomspace(0.08, 1.4, 30).round(4).tolist())
 PACKAGE = {"x": 1.46, "y": 1.06}
 PLATE = 4.0
-"""Extent of the plate in mm: a larger one makes no visible difference."""
+"""Extent of the plate in mm; a larger plate makes no visible difference."""
 POINTS = 8192
 """Light paths for each reading and randomisation: far from the peak almost no light returns, so a relative target error
 is not useful."""

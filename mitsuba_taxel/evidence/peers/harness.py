@@ -15,7 +15,7 @@ from mitsuba_taxel.evidence.peers.plate_quadrature import plate_power
 from mitsuba_taxel.evidence.rows.work_precision import TruthEstimate
 
 FALSE_ALARM_RATE = 1e-4
-"""Probability that a correct row is reported to disagree with the truth."""
+"""Probability that a right result is reported to disagree with the reference value."""
 _MOST_SAMPLES = 1 << 25
 _TRUTH_SEEDS, _TRIAL_SEEDS = 1 << 20, 1 << 21  # different from the seeds of the runs
 

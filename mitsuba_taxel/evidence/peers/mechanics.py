@@ -47,7 +47,7 @@ TANGENTIAL = [(0.5 * step, 0.0, -8.0) for step in range(17)]
 REFERENCE_SIZE = 0.28
 """Mesh size in mm of the reference under a normal load, which needs only an eighth of the pad."""
 TANGENTIAL_REFERENCE_SIZE = 0.5
-"""The same under a tangential load, which needs half of the pad."""
+"""Mesh size in mm of the reference under a tangential load, which needs half of the pad."""
 
 
 def solve_table() -> Iterator[tuple[object, ...]]:

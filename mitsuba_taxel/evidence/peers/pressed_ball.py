@@ -22,7 +22,7 @@ from mitsuba_taxel.pads import REGIONS, Pad
 PAD = Pad("hemispheric", rows=1, columns=1)
 BALL = Indenter("sphere", radius=2.5, at=(0.5, 0.3))
 MATERIAL = NeoHookean(poisson_ratio=0.3)
-"""Compressible, as the program's element has displacements alone."""
+"""Compressible material, because the element of CalculiX has displacement unknowns only."""
 MESH_SIZES = (1.25, 0.8)
 DEPTHS = (0.25, 1.0)
 COLUMNS = (
@@ -31,7 +31,8 @@ COLUMNS = (
 )  # fmt: skip
 
 STIFFNESS = 2e4
-"""Penalty stiffness in MPa/mm, pressure over penetration, which is then a tenth of a micrometre."""
+"""Penalty stiffness of the contact, pressure divided by penetration, in MPa/mm. The penetration is then a tenth of a
+micrometre."""
 INCREMENT = 0.1
 """Displacement of the ball in one increment, in mm."""
 CUTS = 6

@@ -24,7 +24,8 @@ class Measurable(Protocol):
 
 MOST_SECONDS = 600.0
 MOST_MEMORY = 16 * 2**30
-"""Memory limit of a process in bytes. It counts what solvers reserve, which is several times what they use."""
+"""Memory limit of a process in bytes. It includes reserved memory, and solvers reserve several times the memory that
+they use."""
 
 
 def measure_isolated(case: Measurable, seconds: float = MOST_SECONDS, memory: int = MOST_MEMORY) -> Any:

@@ -17,7 +17,8 @@ from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.parameters import REQUIRED
 
 LENGTHS, MODULI, RATIOS = (2.0, 3.0, 1.5), (0.5, 0.3), (3.0,)
-"""Values of required parameters, used in turn: lengths in mm, moduli of silicones in MPa, ratios well above 1."""
+"""Example values of required parameters, which are used one after another: lengths in mm, moduli of silicones in MPa,
+ratios well above 1."""
 RADIUS = 1.5
 """Radius of round indenters, in mm."""
 

@@ -11,16 +11,17 @@ from typing import NamedTuple
 import numpy as np
 
 now = time.process_time
-"""CPU seconds of the process, summed over threads, which depend little on other load of the machine."""
+"""Function that returns the CPU seconds of the process, summed over threads; they depend little on other load of the
+machine."""
 WARM = 2.5
-"""Multiple of the seconds of the shortest run from which the launch no longer dominates."""
+"""Runs that take longer than this multiple of the shortest run are not dominated by their launch."""
 ABOVE_FLOOR = 1.5
-"""Multiple of the reference's error above which an error is that of the method."""
+"""Errors above this multiple of the reference's error are significant."""
 
 FEWEST_POINTS = 3
-"""Minimum number of points for a slope: two do not show their scatter."""
+"""Minimum number of points for a slope; the scatter of two points is unknown."""
 LEAST_SPAN = 2.0
-"""Minimum ratio of the seconds of the last and first point of a curve for a slope."""
+"""Minimum ratio between the seconds of the last and of the first point of a curve, for a slope."""
 
 
 @dataclass(frozen=True)
