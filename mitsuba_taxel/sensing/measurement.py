@@ -75,7 +75,7 @@ LIGHT_ERROR = 0.005
 """Default relative standard error of the light."""
 
 
-# The scene must be deleted, too, before another scene is traced: Dr.Jit finds its shapes while they are destroyed.
+# The scene must be deleted before another thread traces a scene: Dr.Jit would find its half-destroyed shapes.
 @in_turn
 def measure(
     scene: AnyScene,
@@ -232,7 +232,7 @@ def measured(
     if changes:
         result = replace(result, derivatives=_derivatives(scene, changes, prepared, result, points is not None))
 
-    # Remarks: notes on the scene, of which that on the chosen integrator holds for random paths only; limits reached.
+    # Remarks: notes on the scene (the chosen integrator matters for random paths only), and limits that were reached.
     by_paths = prepared.errors.power is None
     result.remarks.extend(note for note in prepared.ready.notes if by_paths or note != CHOSEN_INTEGRATOR)
     bare = target_error is None and points is None and time_budget is None and not is_touched(prepared.ready.scene)
@@ -357,7 +357,7 @@ def _prepared(
         alternative = prepared_without_random_numbers(ready, scene, certain)
         if certain.light_share <= LIGHT_ERROR:
             return alternative
-    # Else short traces give the error due to facets, the number of points, and the error due to mechanics.
+    # With random paths, short traces give the error due to facets, the number of points, and the mechanics error.
     geometry = FLAT
     if mechanics_error:
         tolerance = NEGLIGIBLE * (0.0 if points else target_error or LIGHT_ERROR)

@@ -328,8 +328,8 @@ def prepare_for(
             break
         scene = candidate
 
-    # The light gets the rest of the target, by as many points as it needs, unless readings without random numbers are
-    # at least as good.
+    # The light may use the rest of the target, with as many points as needed, unless readings without random numbers
+    # are at least as good.
     if alternative is not None and errors.power is not None:
         return alternative
     shape = errors.known_share

@@ -97,7 +97,7 @@ def _with_pads(
     scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]
 ) -> list[ErrorCurve]:
     """Curves of the mechanics, and of the whole chain from force to reading, for a scene with loaded pads."""
-    # Solutions by mesh size, and readings in the limit of small elements under the load and under one nearby.
+    # Solutions by mesh size, and readings in the limit of small elements, at the load and at a smaller load.
     nearby = near_load(scene)
     try:
         solved, reference_size, ended = size_runs(scene, pads, seconds, starting)

@@ -124,7 +124,7 @@ def _light(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
     ready = prepare(scene())
     estimate = of_readings(ready)
     path_rungs, truth = _over_paths(estimate, seconds, starting)
-    # Triangles of the paths are not the curved walls themselves.
+    # Random paths hit triangles instead of the curved walls.
     facets = measure(ready, points=FACETS_POINTS).geometry_error
     truth = replace(truth, error=np.hypot(truth.error, facets))
     curves = [ErrorCurve("", PATHS, [rung_point(rung, truth) for rung in path_rungs], launched=True)]

@@ -73,7 +73,7 @@ def _deviations(kind: _FitSetting, seed: int) -> dict[str, float]:
     sigma = 10 ** random.uniform(-3, -2)
     data = _exact_readings(truth)[0] + sigma * random.normal(size=FORCE.size)
     element_error, stated_error = _element_errors(kind, random)
-    # All settings share their random numbers in part.
+    # The readings have partly common noise.
     noise = random.normal(size=(REPLICATES, 1)) + 0.5 * random.normal(size=(REPLICATES, FORCE.size))
     light = kind.light * noise
 
@@ -82,7 +82,7 @@ def _deviations(kind: _FitSetting, seed: int) -> dict[str, float]:
         factor = 1 + element_error + light.mean(axis=0)
         return value * factor, slopes * factor[:, None]
 
-    # Fit the unknowns, and carry the errors of the model to their intervals.
+    # Fit the unknowns, and propagate the errors of the model to their intervals.
     low = SOFTNESS * (1 - 0.002 * random.random()) if kind.bound else 0.05
     names, starts = ("softness", "gain", "offset"), (1.0, 2.0, 0.1)
     unknowns = [Unknown(*arguments, -np.inf, np.inf) for arguments in zip(names, starts, strict=True)][: len(truth)]

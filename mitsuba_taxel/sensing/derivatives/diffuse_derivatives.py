@@ -113,7 +113,7 @@ class _Linearised:
         changed = [[(weight, DiffuseCells(live, patch_size=size)) for weight, live in stencil] for stencil in scenes]
         displaced = self.cells.pad.is_loaded or any(change.load.any() for change in changes)
         second = self._second(changes) if with_errors and displaced else None
-        # Equal cells are solved once. Many small matrix products: each would start and wait for its own threads.
+        # Equal cells are solved once. BLAS has one thread: for small matrix products, starting threads takes longer.
         representative = self._equal(nodal, changed, second)
         distinct = sorted(set(representative))
 
@@ -126,7 +126,7 @@ class _Linearised:
         power = np.array([taxel.power for taxel in self.cells.taxels])[:, None]
         reading = np.array([cell.reading for cell in solved])[:, None]
 
-        # Light between patches that walls occlude is not followed: its share of a reading is an error, if it is small.
+        # Occluded light counts as if it were not occluded: if its fraction of a reading is small, it is an error.
         occluded = {number: self.cells.occluded_fraction(*cell.flows) for number, cell in by_number.items()}
         hidden = np.array([occluded[number] for number in representative])[:, None]
         if hidden.max() > MOST_HIDDEN:
@@ -224,7 +224,7 @@ class _CellRates:
         values = self._by_patch(fine, fine.gradient(self._scene.wider)).sum(axis=1)
         light, comparison = np.full(1 + len(values), np.nan), unknown(len(values))
         if with_errors:
-            # The difference from a coarser solution stands for the error of the finer one.
+            # The error of the finer solution is estimated from the difference between both solutions.
             coarse = self._solved(COARSE)
             gradient = coarse.gradient()
             by_patch = self._by_patch(coarse, gradient)
@@ -238,7 +238,7 @@ class _CellRates:
             of_reading = reading_error(fine, coarse.reading, self._scene.cells, self._number)
             light = np.array([of_reading, *np.linalg.norm(errors, axis=0)])
 
-            # The same coarser solution on a second mesh shows the error of the finite elements.
+            # The coarser solution on a second mesh gives the error of the finite elements.
             if second is not None:
                 comparison = self._compared(second, coarse.reading, by_patch, gradient)
         return _CellDerivatives(fine.reading, values, light, comparison, fine.flows())

@@ -71,7 +71,7 @@ def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWal
         assert isinstance(linear.pad.pad, Pad)  # pads from files have no dimensions
         velocity += dimension_rate * mesh_velocity(replace(linear.pad.pad), mesh, name)
     if nodal.dimensions:
-        # Nodes of the two meshes at one point may have different velocities: the displacement is convected.
+        # At the same point, nodes of the two meshes may have different velocities, which convect the displacement.
         relative = velocity - location.interpolate(nodal.velocity)
         rate += np.einsum("nij,nj->ni", location.gradient(state.displacement), relative)
     return MovingWalls(location.interpolate(state.displacement), Nodal(rate, velocity, nodal.dimensions))
@@ -163,7 +163,7 @@ class MovedScene:
         if not self._change.beside:
             return self._ready.scene
         if offset != self._moved[0]:
-            self._moved = 0.0, self._ready.scene  # frees the last one: kernels hold the parts of all scenes alive
+            self._moved = 0.0, self._ready.scene  # frees the last scene: kernels contain the parts of all scenes alive
             live = self._change.at(self._change.value + offset)
             refuse_unmodelled(live, self._ready.integrator)
             for present, changed in zip(taxels_of(self._ready.scene), taxels_of(live), strict=True):

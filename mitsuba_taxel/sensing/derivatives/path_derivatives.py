@@ -175,16 +175,16 @@ class _Along:
         steps = [step / FINER**level for level in range(LEVELS)]
         derivatives = [pilot.over(size, self._walls) for size in steps]
 
-        # The error by a step shows in the difference from twice the step. Noise may hide it: it is at least a quarter
-        # of the error by twice the step.
+        # The error due to a step follows from the difference to twice the step. As noise may hide this difference,
+        # the error is at least a quarter of that of twice the step.
         step_errors, last, twice = list[float](), 0.0, pilot.over(FINER * step, self._walls)
         for derivative in derivatives:
             last = max(_root_mean_square(twice - derivative) / (FINER**2 - 1), last / FINER**2)
             step_errors.append(last)
             twice = derivative
 
-        # Smaller steps have no less noise, even if few pilot paths suggest it: rays that begin or cease to hit grow
-        # rare.
+        # Smaller steps do not have less noise, even if few pilot paths suggest it, because the rays that begin or
+        # cease to hit a surface become rare.
         noise = [float(np.sqrt((standard_error(derivative) ** 2).mean())) for derivative in derivatives]
         noise = np.maximum.accumulate(noise).tolist()
         target = NOISE * float(np.sqrt((derivatives[0].mean(axis=0) ** 2).mean()))

@@ -174,7 +174,7 @@ def _parameter(scene: Scene, name: str, config: mi.parser.ParserConfig) -> _Para
                 value = present if index is None else present[index]
                 nodes.append((number, specification.plugin, parameter.unit, value))
 
-    # The name must stand for exactly one of them.
+    # Exactly one parameter must have this name.
     if not nodes:
         of_scene, of_parts = _numbers_in(scene, config)
         allowed = [f"parameters {', '.join(of_scene)}"] if of_scene else []
@@ -289,7 +289,7 @@ def _differences(
         _add(material, weight, _constants(changed.build_material()))
         _add(dimensions, weight, {} if changed.filename else _undeformed(changed).dimensions)
 
-    # All other parts: they change, or not. A value that a plugin does not allow is refused as the scene is loaded.
+    # All other parts. A value that a plugin does not allow is refused when the scene is loaded.
     beside_pad = any(_without_pad(base) != _without_pad(state) for _, state in states)
     moves_packages = any(_without_pad(base, PACKAGES) != _without_pad(state, PACKAGES) for _, state in states)
     if pad and pad.self_contact and moves_packages:

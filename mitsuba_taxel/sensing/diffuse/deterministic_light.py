@@ -80,16 +80,16 @@ def deterministic_light(
         cells = DiffuseCells(scene, patch_size=patch_size)
     except (NotDiffuse, ComputationError):
         return None
-    # Displacements by the error of the mechanics, small enough for differences of readings.
+    # Small displacements in proportion to the error of the mechanics, for differences of readings.
     state, loaded = cells.pad.state, cells.pad.is_loaded
     deviations = state.deviations if mechanics_error and loaded else None
     probes = () if deviations is None else tuple(state.probed_share * deviations)
-    # Of cells that are equal by symmetry only the first is solved; a shut gap between wall and package is not followed.
+    # Only the first of several equal cells is solved. Cells whose walls touch a package need random paths.
     first = equal_cells(cells, state, [state.displacement], probes) if loaded else equal_at_rest(cells)
     distinct = sorted(set(first))
     if any(_touches(cells, number, probes) for number in distinct):
         return None
-    # One thread for each cell: for many small matrix products, BLAS would start additional threads and wait for them.
+    # One thread for each cell: for small matrix products, starting additional BLAS threads takes longer.
     with threadpool_limits(1, "blas"):
         solutions = side_by_side(lambda number: _solved(cells, number, probes), distinct)
     solved = {number: cell for number, cell in zip(distinct, solutions, strict=True) if cell is not None}

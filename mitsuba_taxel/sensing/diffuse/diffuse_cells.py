@@ -173,7 +173,7 @@ class DiffuseCells:
             raise NotDiffuse("no wall of a cell reflects light")
         number = int(pad_cells.number[nearest])
         edged = _have_edges(self._mesh, self.pad.pad, tuple(faces.tolist()))
-        # Walls with edges are cut where the phototransistor's plane meets them; readings of domes are right without.
+        # Walls with edges are cut along the phototransistor's plane; readings of domes do not need this.
         cuts = uncut(len(faces))
         if edged:
             at = _patches(self.pad.state.mesh, self._mesh, self.pad.pad, tuple(faces.tolist()), number).rest

@@ -116,7 +116,7 @@ def paired_with(base: Scene, loaded_base: Prepared, scene: Scene) -> Prepared:
         return ready._replace(paired=PairedReading(loaded_base, ready, None))
     (pad,), (base_pad,) = deformed_pads(ready.scene), deformed_pads(loaded_base.scene)
     moved = ready.scene
-    # An unloaded pad may have larger elements: its state on those of the base is read.
+    # An unloaded pad may have larger elements: the elements of the base state are used.
     if not pad.is_loaded and pad.state.mesh is not base_pad.state.mesh:
         moved = prepare(base).scene
         (pad,) = deformed_pads(moved)

@@ -62,7 +62,7 @@ def _methods(readings: Readings) -> list[str] | None:
     derivatives = readings.derivatives
     if derivatives is None:
         return None
-    # A study fits curves through its readings where a column has no values.
+    # A column without values: the study fits curves through its readings instead.
     return ["" if unknown else derivatives.method for unknown in np.isnan(derivatives.values).all(axis=0)]
 
 

@@ -281,7 +281,7 @@ def _render(scene: mi.Scene, points: int, seed: int, first: int):
     columns, images = [], []
     for sensor in scene.sensors():
         faces = sensor.faces
-        # Opaque, as otherwise the kernel would be recompiled for each of them.
+        # Opaque values, because the kernel would be recompiled for each seed otherwise.
         numbers = range(first * REPLICATES, (first + 1) * REPLICATES)
         seeds = [dr.opaque(mi.UInt32, derived_seed(seed, number)) for number in numbers]
         renders = (mi.render(scene, sensor=sensor, spp=points, seed=value) for value in seeds)

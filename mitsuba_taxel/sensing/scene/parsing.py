@@ -175,7 +175,7 @@ def with_own_parameters(message: str, scene: Described) -> str:
         # The value that Mitsuba reads from the element: a word, a number, or three of them for a vector.
         words = [element.get("value", "")] if "value" in element.attrib else [element.get(axis, "0") for axis in "xyz"]
         value = re.sub(r"\$(\w+)", lambda match: parameters.get(match[1], match[0]), ", ".join(words))
-        # "history row '3'" shows a row of the value only, so that its first word must do.
+        # "history row '3'" shows one row of the value only: its first word is compared.
         shown = [message[match.end() :] for match in re.finditer(rf"\b{re.escape(name)} = ", message)]
         if any(_begins_with(text, value) for text in shown) or (not shown and message.startswith(f"{name} ")):
             supplying.update({name: parameters[name] for name in sorted(names) if name in parameters})

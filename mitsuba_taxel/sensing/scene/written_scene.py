@@ -115,7 +115,7 @@ def _name_values(root: ElementTree.Element, most: int) -> dict[str, str]:
     for element, key, path, kind in values:
         word = element.get(key, "")
         is_shared = kind in ("deformable_pad", "photo_reflector") and path[-1] in _SHARED and (path[-1], word) in shared
-        # The shortest name that no other value has, from the parameter's own to that with all names around it.
+        # The shortest unique name: that of the parameter, preceded by as many names of outer objects as needed.
         names = ["_".join(path[i:]) for i in reversed(range(len(path) - (kind == "wall")))]
         if is_shared and kinds[path[-1]] == endings[path[-1]] == 2:
             name: str | None = path[-1]
