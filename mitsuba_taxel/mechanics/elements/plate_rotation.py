@@ -102,7 +102,18 @@ class PlateRotation:
 
 
 def rotation_matrix(vector: np.ndarray) -> np.ndarray:
-    """Rotation matrix (3, 3) of a rotation vector (3,) in radians."""
+    """Rotation matrix of a rotation vector.
+
+    Parameters
+    ----------
+    vector : (3,) ndarray
+        Rotation vector in radians.
+
+    Returns
+    -------
+    (3, 3) ndarray
+        The matrix.
+    """
     return np.asarray(Rotation.from_rotvec(vector).as_matrix())
 
 

@@ -101,6 +101,13 @@ class MeshedPad:
             Rate of the unknowns.
         unknowns : (unknowns,) ndarray, optional
             The state, on which the rates depend if a plate rotates; by default at rest.
+
+        Returns
+        -------
+        displacement : (N, 3) ndarray
+            Rate of the displacement.
+        pressure : (corners,) ndarray
+            Rate of the pressure.
         """
         displacement = None if unknowns is None else self.numbering.split(unknowns)[0]
         return self.part.expand(*self.numbering.split_rate(rate, displacement))

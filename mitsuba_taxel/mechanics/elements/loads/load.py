@@ -110,11 +110,33 @@ class Load(Kind, family="load"):
         return self.bonded_plate and self.gives_displacement
 
     def pivot(self, mesh: VolumeMesh) -> np.ndarray:
-        """Point (3,) in mm of a tilting plate on which its force acts."""
+        """Point of a tilting plate on which its force acts.
+
+        Parameters
+        ----------
+        mesh : VolumeMesh
+            Mesh of the undeformed pad.
+
+        Returns
+        -------
+        (3,) ndarray
+            The point in mm.
+        """
         raise NotImplementedError(f"{self} does not tilt")
 
     def length(self, mesh: VolumeMesh) -> float:
-        """Length in mm by which moments are divided where they are compared with forces."""
+        """Length by which moments are divided where they are compared with forces.
+
+        Parameters
+        ----------
+        mesh : VolumeMesh
+            Mesh of the undeformed pad.
+
+        Returns
+        -------
+        float
+            The length in mm.
+        """
         raise NotImplementedError(f"{self} has no moments")
 
     @property
@@ -222,14 +244,38 @@ class DeadForce(Load):
 
 
 def normal_part(value: np.ndarray) -> np.ndarray:
-    """The part of a load's value (c,) along z, or the pressure; all else is 0."""
+    """The part of a load's value along z, or the pressure.
+
+    Parameters
+    ----------
+    value : (c,) ndarray
+        Value of the load.
+
+    Returns
+    -------
+    (c,) ndarray
+        The value with all other components 0.
+    """
     part, axis = np.zeros(len(value)), min(2, len(value) - 1)
     part[axis] = value[axis]
     return part
 
 
 def mirrored_value(mirror: Mirror, values: np.ndarray) -> np.ndarray:
-    """Values (..., c) of a load after reflection in a mirror: forces are vectors, moments axial vectors."""
+    """Values of a load after reflection in a mirror: forces are vectors, moments axial vectors.
+
+    Parameters
+    ----------
+    mirror : Mirror
+        The mirror.
+    values : (..., c) ndarray
+        Values of a load with c components.
+
+    Returns
+    -------
+    (..., c) ndarray
+        The reflected values.
+    """
     if values.shape[-1] == 1:
         return values
     parts = [mirror.image(values[..., :3])]

@@ -21,6 +21,15 @@ class PlateWrench(Load, name="plate_wrench", rank=3):
     The value is (Fx, Fy, Fz, Mx, My, Mz) in N and N mm. The force acts on a point of the plate, which moves and tilts
     with it; force and moment keep their directions. The moment is conjugate to the rotation vector of the plate: see
     :mod:`~mitsuba_taxel.mechanics.elements.plate_rotation`.
+
+    Parameters
+    ----------
+    x, y : float
+        Point of the plate on which the force acts, mm.
+    height : float
+        Height of this point above the undeformed top, mm.
+    self_contact : bool
+        False: contact under a tilting plate is not modelled.
     """
 
     meaning = "on a rigid plate that is bonded to the top and tilts"
@@ -48,8 +57,7 @@ class PlateWrench(Load, name="plate_wrench", rank=3):
         return np.array([self.x, self.y, mesh.points[:, 2].max() + self.height])
 
     def length(self, mesh: VolumeMesh) -> float:
-        """A sixth of the side of a square of the top's area: a moment strains the edge of a square block as much as
-        this force strains the block."""
+        # A sixth of the side: a moment strains the edge of a square block as much as this force strains the block.
         return math.sqrt(self.loaded_area(mesh)) / 6
 
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
