@@ -31,6 +31,7 @@ from mitsuba_taxel import (
     PatchForce,
     PhotoReflector,
     Phototransistor,
+    PlateWrench,
     RandomRoughness,
     Scene,
     SeparateFinish,
@@ -108,6 +109,7 @@ def calls(there):
         "IndenterDisplacement": (IndenterDisplacement, IndenterDisplacement, {"indenter": Indenter(radius=1.0)}),
         "IndenterForce": (IndenterForce, IndenterForce, {"indenter": Indenter(radius=1.0)}),
         "PatchForce": (PatchForce, PatchForce, {"centre": (0, 0), "size": (1, 1)}),
+        "PlateWrench": (PlateWrench, PlateWrench, {}),
         "PhotoReflector": (lambda **k: sensor(photo_reflector=PhotoReflector(**k)), PhotoReflector, {}),
         "Phototransistor": (
             lambda **k: sensor(photo_reflector=PhotoReflector(phototransistor=Phototransistor(**k))),
