@@ -91,15 +91,16 @@ def solved_by_symmetry(
         The state.
     """
     canonical, there, mirrors = canonical_place(path, value)
-    if mirrors:
-        for mirror in mirrors if obstacles is not None else ():
-            obstacles = mirror.image(obstacles)
-        try:
-            return mirrored_state(path, solve(canonical, there, obstacles), mirrors)
-        except (ComputationError, InputError):
-            for mirror in reversed(mirrors) if obstacles is not None else ():
-                obstacles = mirror.image(obstacles)
-    return solve(path, value, obstacles)
+    if not mirrors:
+        return solve(path, value, obstacles)
+    images = obstacles
+    if images is not None:
+        for mirror in mirrors:
+            images = mirror.image(images)
+    try:
+        return mirrored_state(path, solve(canonical, there, images), mirrors)
+    except (ComputationError, InputError):
+        return solve(path, value, obstacles)
 
 
 def mirrored_state(path: PadPath, state: State, mirrors: Mirrors) -> State:
