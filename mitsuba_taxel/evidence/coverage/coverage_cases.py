@@ -82,7 +82,7 @@ class CoverageCase:
     fine: float | None = None
 
     def measured(self) -> CoverageRow:
-        """The row, measured in this process."""
+        """Measure the case in this process and return its row."""
         began = time.process_time()
         with tempfile.TemporaryDirectory() as folder:
             scene = self.sensor.scene() if not self.file_format else self._from_file(Path(folder))
@@ -110,7 +110,7 @@ class CoverageCase:
         )
 
     def failed(self, end: str) -> CoverageRow:
-        """The row for a process that returned no row."""
+        """Row of a case whose process ended without a result, for the reason ``end``."""
         return CoverageRow(self.name, end)
 
     def _truth(self, mesh_size: float) -> tuple[np.ndarray, np.ndarray]:

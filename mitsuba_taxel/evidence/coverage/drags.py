@@ -142,11 +142,11 @@ class DragCase:
         return f"{self.cell}, {body} at ({x:g}, {y:g}) mm, {-z:g} mm deep"
 
     def failed(self, end: str) -> DragRow:
-        """The row for a process that returned no row."""
+        """Row of a case whose process ended without a result, for the reason ``end``."""
         return DragRow(self.name, end)
 
     def measured(self) -> DragRow:
-        """The row, measured in this process."""
+        """Measure the case in this process and return its row."""
         start, (x, y, z) = time.process_time(), self.position
         try:
             _, dragged = self._states(replace(self.body, friction=FRICTION), (0, 0, z), self.position)

@@ -149,15 +149,15 @@ class EstimatorCase:
 
     @property
     def name(self) -> str:
-        """Words for the row."""
+        """Description of the case, which names its row."""
         return self.light.name
 
     def failed(self, end: str) -> EstimatorRow:
-        """The row for a process that returned no row."""
+        """Row of a case whose process ended without a result, for the reason ``end``."""
         return EstimatorRow(self.name, end)
 
     def measured(self) -> EstimatorRow:
-        """The row, measured in this process."""
+        """Measure the case in this process and return its row."""
         start = time.process_time()
         try:
             with tempfile.TemporaryDirectory() as folder:
@@ -264,7 +264,7 @@ def estimators(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[EstimatorRow]:
-    """Yield rows of the table as they are measured, each in its own process.
+    """Measure each case of the table in a separate process, and yield its row.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ def write_page(rows: Sequence[EstimatorRow], file: Path, command: str) -> None:
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     table = markdown_table(headings(EstimatorRow), map(cells, rows), ("scene", "remark"))
     missing = not_measured(estimator_cases(), rows)

@@ -118,7 +118,7 @@ def figures(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[Any]:
-    """Yield rows of the table as they are measured, each in its own process.
+    """Measure each case of the table in a separate process, and yield its row.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def write_page(rows: Sequence[Any], file: Path, command: str) -> None:
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     text = _PAGE.format(
         command=command,

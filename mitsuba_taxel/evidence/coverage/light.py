@@ -88,7 +88,7 @@ def light(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[LightRow]:
-    """Yield rows of the table as they are measured, each in its own process.
+    """Measure each case of the table in a separate process, and yield its row.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def write_page(rows: Sequence[LightRow], file: Path, command: str) -> None:
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     words = "configuration", "random paths", "measured", "remark"
     text = _PAGE.format(

@@ -309,7 +309,7 @@ def write_page(rows: Sequence[DomeRow], pads: Sequence[PadRow], file: Path, comm
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     table = markdown_table(HEADINGS, map(dome_cells, rows), HEADINGS[:2])
     pads_table = markdown_table(PAD_HEADINGS, map(pad_cells, pads), PAD_HEADINGS[:1])

@@ -163,7 +163,7 @@ def write_page(rows: Sequence[HorizonRow], file: Path, command: str) -> None:
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     table = markdown_table(headings(HorizonRow), map(cells, rows), headings(HorizonRow)[:2])
     about = {"designs": DESIGNS, "points": POINTS, "width": HORIZON, "wider": reception.WIDER}

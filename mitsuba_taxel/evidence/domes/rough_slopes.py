@@ -140,7 +140,7 @@ def write_page(rows: Sequence[RoughRow], file: Path, command: str) -> None:
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     table = markdown_table(headings(RoughRow), map(cells, rows), headings(RoughRow)[:1])
     write_text(file, _PAGE.format(command=command, table=table))

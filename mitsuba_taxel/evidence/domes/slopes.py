@@ -110,7 +110,7 @@ def write_page(rows: Sequence[SlopeRow], file: Path, command: str) -> None:
     file : Path
         Page, which is replaced.
     command : str
-        Command that the page names as its origin.
+        Command that the page names as its source.
     """
     table = markdown_table(HEADINGS, map(slope_cells, rows)) + f"\n\n{summary(rows)}"
     write_text(file, _PAGE.format(command=command, table=table, fine=FINE))
