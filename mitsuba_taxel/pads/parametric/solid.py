@@ -225,7 +225,7 @@ def nearest_cells(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
     """
     from scipy.spatial import cKDTree
 
-    return cKDTree(np.array(pad.cell_centres)).query(points[:, :2])[1]
+    return np.asarray(cKDTree(np.array(pad.cell_centres)).query(points[:, :2])[1])
 
 
 def on_region(mesh: VolumeMesh, region: str) -> np.ndarray:
