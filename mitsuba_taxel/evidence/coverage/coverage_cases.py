@@ -67,7 +67,7 @@ class CoverageCase:
     Attributes
     ----------
     name : str
-        Description of the setting, which names its row.
+        Description of the setting: the label of its row in the table of the page.
     sensor : PadSensor
         Sensor that is read on the default mesh, with its stated error, and on fine meshes for the reference value.
     file_format : str
@@ -203,8 +203,8 @@ def _four_cells() -> Iterator[CoverageCase]:
     for cell, wall, force in zip(CELL_SHAPES, (0.5, 0.7, 0.3, 0.5), (-3.5, -5.0, -2.0, -3.5), strict=True):
         sensor = PadSensor(_pad(cell, 2, 2, wall), force=(0.0, 0.0, force))
         fine = FINE_OF_DOMES.get(cell)
-        truth = f" (truth: {fine:g} mm)" if fine else ""
-        yield CoverageCase(f"{cell}, 2 x 2, wall {wall:g} mm, {force:g} N{truth}", sensor, fine=fine)
+        reference = f" (reference: {fine:g} mm)" if fine else ""
+        yield CoverageCase(f"{cell}, 2 x 2, wall {wall:g} mm, {force:g} N{reference}", sensor, fine=fine)
 
 
 def _other_kinds() -> Iterator[CoverageCase]:
@@ -224,7 +224,7 @@ def _other_kinds() -> Iterator[CoverageCase]:
         for cell, at in zip(cells_in_turn, ((0.0, 0.0), (0.6, 0.2)), strict=False):
             load = IndenterDisplacement(indenter_of(name, at=at))
             sensor = PadSensor(pad_of(cell, rows=1, columns=1), load=load, force=(0.0, 0.0, -0.2))
-            words = f"{cell}, 1 x 1, {name} at {at} mm, 0.2 mm deep (truth: {FINE_OF_TOUCH:g} mm)"
+            words = f"{cell}, 1 x 1, {name} at {at} mm, 0.2 mm deep (reference: {FINE_OF_TOUCH:g} mm)"
             yield CoverageCase(words, sensor, fine=FINE_OF_TOUCH)
 
 
@@ -246,7 +246,7 @@ def _rounded() -> Iterator[CoverageCase]:
 
 def _touched() -> Iterator[CoverageCase]:
     for name, sensor in touch_settings():
-        yield CoverageCase(f"{name} (truth: {FINE_OF_TOUCH:g} mm)", sensor, fine=FINE_OF_TOUCH)
+        yield CoverageCase(f"{name} (reference: {FINE_OF_TOUCH:g} mm)", sensor, fine=FINE_OF_TOUCH)
 
 
 def _files() -> Iterator[CoverageCase]:

@@ -29,15 +29,17 @@ Written by `{command}`; do not edit by hand.
 Each setting is a sensor whose readings are computed on the default mesh, with their stated errors. The true error is
 the difference from a reference value. The reference value is extrapolated from readings on elements of {fine:g} mm or
 less (at most 1 / {finer:g} of the default size) and on elements {coarser:.2f} times as large; the error is assumed to
-fall with the power {order:g} of the element size. Light is computed without random numbers, with the same patches on
-all meshes.
+fall with the power {order:g} of the element size. Where such elements would take too long, the
+setting names the size that its reference has instead, as in "(reference: 0.75 mm)"; under an indenter, all elements are
+smaller in proportion. Light is computed without random numbers, with the same patches on all meshes.
 
 **{summary}**
 
 {table}
 
 - **true**, **stated**: true and stated relative error of the worst taxel due to the finite elements.
-- **corrected**: true error after the estimated error, with its sign, is subtracted from the reading.
+- **corrected**: true error if the estimated error, with its sign, were subtracted from the reading. Where it exceeds
+  the true error, the estimate has the wrong sign, or more than twice the right size. Readings are not corrected.
 - **light**: stated relative error of the light, due to its patches. **extrapolation**: relative change of the reference
   value by the extrapolation.
 - **within twice**: number of readings whose true error is at most twice the stated error.
@@ -48,19 +50,26 @@ _FIGURES = """
 
 Each row is a result computed from synthetic data, whose true value is known:
 
-- recordings of a bench: the force moves in stairs, ramps, triangles, sines, or ramps and holds, with random numbers of
-  levels and rows. The noise is white, correlated from row to row, or smaller or larger than the steps of a 12-bit
-  converter;
+- recordings of a bench (*record*): the force moves in stairs, ramps, triangles, sines, or ramps and holds (*mixture*),
+  with random numbers of levels and rows. The noise is white or correlated from row to row. In some rows there is a
+  12-bit converter as well: its steps hide the noise, or are as large as the noise;
 - tolerance studies: sums and products of normally distributed parameters, with noise;
-- fits of a curve: by the right model, by a model with errors of light and finite elements, with correlated unknowns,
-  and with a bound near the true value;
+- fits of a curve to readings under known forces. The unknowns are *softness* (displacement per force), *gain* (a factor
+  of all readings) and *offset*. The model is exact, or has errors of light or finite elements. Errors of elements are
+  proportional to the displacement, or change along the load path in a random walk. In further rows the unknowns are
+  correlated, or a bound is near the true value;
 - calibrations: from load paths whose errors are common to a path or independent from row to row, tested on new paths;
 - exported models of studies with errors; forces computed from noisy counts;
 - differences of two variants of a sensor by `taxel compare`: their readings have partly common errors, which are either
-  equal along a load path or random.
+  equal along a load path or random. The result *behind* is the difference between the variants in the figure of
+  merit that the row names.
+
+The figures of merit (`mean_slope`, `max_slope`, `zero_slope`, `relative_slope`, `nonlinearity`, `hysteresis`,
+`repeatability`) are defined in [Figures of merit](theory/merit.md).
 
 Each row counts errors over many random seeds, which are used for nothing else. If the stated errors are right, 95.4 %
-of the true errors are within twice the stated error (intervals are converted to standard deviations).
+of the true errors are within twice the stated error. Half the width of a stated 95 % interval counts as 1.96 standard
+deviations.
 
 **{summary}** {below}
 
@@ -69,7 +78,8 @@ of the true errors are within twice the stated error (intervals are converted to
 - **stated errors**, **not stated**: number of results with a stated error, and of results without one because the noise
   is unknown.
 - **coverage**: fraction of the true errors within twice the stated error.
-- **true / stated**: root mean square, over the seeds, of the true error divided by the stated error.
+- **true / stated**: root mean square, over the seeds, of the true error divided by the stated error. One seed whose
+  stated error is far too small can make it large although the coverage is high, as where steps hide the noise.
 """
 _PROBABILITIES = """
 ## Probabilities

@@ -79,7 +79,8 @@ def summary(rows: Sequence[CoverageRow]) -> str:
     true, corrected = (root_mean_square([getattr(row, name) for row in read]) for name in ("true", "corrected"))
     return (
         f"{within:.0f} of {readings:.0f} readings{percentage} in {len(read)} settings are within twice the stated "
-        f"error{unread}. Root mean square of the worst taxels: true {true:.3%}, corrected {corrected:.3%}."
+        f"error{unread}. Root mean square over the settings, of the worst taxel of each: true {true:.3%}, corrected "
+        f"{corrected:.3%} (columns below)."
     )
 
 

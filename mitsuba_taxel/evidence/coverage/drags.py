@@ -136,7 +136,7 @@ class DragCase:
 
     @property
     def name(self) -> str:
-        """Description of the case, which names its row."""
+        """Description of the case: the label of its row in the table of the page."""
         x, y, z = self.position
         body = f"ball of {self.body.radius:g} mm" if self.body.shape == "sphere" else self.body.shape
         return f"{self.cell}, {body} at ({x:g}, {y:g}) mm, {-z:g} mm deep"

@@ -61,7 +61,7 @@ class FigureCase:
     Attributes
     ----------
     name : str
-        Description of the scene, which names its row.
+        Description of the scene: the label of its row in the table of the page.
     sensor : PadSensor
         The sensor of the scene.
     vary, together : dict[str, list of float]

@@ -129,7 +129,7 @@ def _ball_on_viscoelastic_silicone(rng: np.random.Generator) -> Setting:
 def _ball_on_a_thin_roof(rng: np.random.Generator) -> Setting:
     radius, depth, roof = _drawn(rng, 2.0, 3.0), round(float(rng.uniform(0.5, 0.8)), 2), _drawn(rng, 0.8, 1.2)
     return (
-        f"ball of {radius:g} mm on a roof of {roof:g} mm over its package, {depth:g} mm deep, self-contact",
+        f"ball of {radius:g} mm on a roof {roof:g} mm thick, {depth:g} mm deep, self-contact",
         {
             "sizes": {"cell_size": 2.0, "cell_height": 1.1, "height": 1.1 + roof, "wall": 1.0},
             "load": IndenterDisplacement(Indenter(radius=radius), self_contact=True),

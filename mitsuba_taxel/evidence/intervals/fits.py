@@ -50,10 +50,10 @@ KINDS = {
     "exact model": _FitSetting(),
     "exact model, errors by residuals": _FitSetting(known_errors=False),
     "correlated unknowns": _FitSetting(offset=True),
-    "truth near a bound": _FitSetting(bound=True),
+    "true value near a bound": _FitSetting(bound=True),
     "model with errors of light": _FitSetting(light=0.05),
-    "model with errors of elements as the displacement": _FitSetting(elements=0.01),
-    "model with errors of elements that wander": _FitSetting(elements=0.01, along="walk"),
+    "model with errors of elements proportional to the displacement": _FitSetting(elements=0.01),
+    "model with errors of elements in a random walk": _FitSetting(elements=0.01, along="walk"),
     "correlated unknowns, model with both errors": _FitSetting(offset=True, elements=0.01, light=0.02, along="walk"),
 }
 

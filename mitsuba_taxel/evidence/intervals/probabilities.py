@@ -141,6 +141,6 @@ def summary(rows: Sequence[ProbabilityRow]) -> str:
     """Summarise rows: the number of ranges in which the observed frequency agrees with the stated probability."""
     good = sum(row.holds for row in rows)
     return (
-        f"In {good} of {len(rows)} ranges of probabilities, the observed frequency agrees with the stated probability "
-        f"within {SIGMAS:g} standard errors of the count and {100 * SLACK:g} points."
+        f"In {good} of {len(rows)} ranges of probabilities, the observed frequency differs from the mean stated "
+        f"probability by at most {SIGMAS:g} standard errors (1 sigma) plus {100 * SLACK:g} percentage points."
     )

@@ -39,8 +39,8 @@ def test_stated_errors_of_recordings_hold(case):
 
 
 @pytest.mark.parametrize("case", [
-    "fit: exact model", "fit: exact model, errors by", "fit: correlated unknowns", "fit: truth near a bound",
-    "fit: model with errors of light", "elements as the", "elements that wander", "both errors",
+    "fit: exact model", "fit: exact model, errors by", "fit: correlated unknowns", "fit: true value near",
+    "fit: model with errors of light", "elements prop", "elements in a random", "both errors",
 ])  # fmt: skip
 def test_intervals_of_fits_hold(case):
     """Without the model's own errors, intervals of the last four held 10 to 33 % of the softness."""
