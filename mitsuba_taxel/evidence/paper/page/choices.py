@@ -56,12 +56,14 @@ def variations(studies: Found, pictures: Path) -> str:
 ![Sensitivities under each choice](paper/choices.png)
 
 Each row changes one choice of the nominal sensor, or two, and has the sensitivities of the four shapes in µW/N. The
-elements are those used for the normal forces of Table 1. The columns *N* have the steepest slope of the corner and the
-centre taxel up to 20 N of normal force; the columns *T* have that up to 8 N along x or y, at -8 N. Slopes are those of
-curves through readings and their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random
-paths, slopes are differences between these forces, and their noise may exceed the slope.
+elements are those used for the normal forces of Table 1. The columns *N* have slopes under normal forces up to
+20 N, the columns *T* have slopes under forces up to 8 N along x or y, at -8 N. Each is the steepest slope of two taxels,
+the corner and the centre; Table 1 has the steepest of all nine. Slopes are those of curves through readings and their
+derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random paths, slopes are differences between
+these forces, and their noise may exceed the slope.
 
-- *order*: number of pairs of shapes, out of 6 + 6, that are in the paper's order.
+- *order*: number of pairs of shapes that are in the paper's order: of the 6 pairs under normal force, plus of the 6
+  pairs under tangential force.
 - *factor*: common factor that brings the slopes closest to the paper's numbers (the power of the source in W).
 - *misfit*: typical ratio between the slopes, multiplied by this factor, and the paper's numbers.
 - *peak*: height in mm of a mirror plate at which the reading is largest.
@@ -70,7 +72,8 @@ paths, slopes are differences between these forces, and their noise may exceed t
 
 {_computed(tables)}
 
-If packages are turned by 90 degrees, x and y are exchanged; Table 1 contains the larger of both slopes.
+No choice turns the packages by 90 degrees: this only exchanges x and y, and the tangential slopes of Table 1 are the
+larger of those along x and y.
 
 {_influence(tables)}
 
@@ -136,6 +139,6 @@ def _unexplained(
             )
             lines.append(
                 f"- {group}, *{best}* has the least misfit, {fits[best].misfit:.2f}, with a factor of "
-                f"{fits[best].scale:.3g}. The paper's numbers are these multiples of the scaled slopes: {ratios}."
+                f"{fits[best].scale:.3g}. The paper's numbers, divided by the slopes times this factor: {ratios}."
             )
     return "**Remaining differences**\n\n" + "\n".join(lines)
