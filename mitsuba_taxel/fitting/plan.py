@@ -162,7 +162,7 @@ def _check(plan: FitPlan) -> None:
         ):
             raise InputError(f"{name} is not allowed: a number of the table [circuit] is needed.")
     if plan.data.unit == "V" and plan.circuit is None and "gain" not in names:
-        raise InputError("data in volts are not allowed without a table [circuit] or an unknown gain, in V/W.")
+        raise InputError("data in volts are not allowed without a table [circuit], or gain, in V/W, as an unknown.")
     if plan.data.unit == "W" and plan.circuit is not None:
         raise InputError("data in watts are not allowed with a circuit: give data in volts, or leave the circuit out.")
     count = plan.data.readings.size

@@ -59,7 +59,7 @@ class Block(Checked, Displayed):
         if self.top_radius < least:
             raise InputError(
                 f"top_radius = {self.top_radius:g} is not allowed: at least {least:.4g} mm is needed for a block of "
-                f"{self.width:g} x {self.depth:g} mm, whose corners are then {lowest:.3g} mm high or more."
+                f"{self.width:g} x {self.depth:g} mm, so that its corners are at least {lowest:.3g} mm high."
             )
 
     @property

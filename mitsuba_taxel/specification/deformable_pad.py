@@ -504,7 +504,7 @@ def _finish_values(finish: Finish | SeparateFinish | None) -> dict[str, Any]:
         del values["finish_refinement"]
     elif len(refinements) > 1:
         raise InputError(
-            f"finish_refinement = {' and '.join(f'{value:g}' for value in sorted(refinements))} for roof and side is "
+            f"finish_refinement = {' and '.join(f'{wall.refinement:g} for {name}' for name, wall in walls.items())} is "
             "not allowed: the same number for both is needed, or the default of each."
         )
     return values

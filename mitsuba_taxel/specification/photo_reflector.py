@@ -224,7 +224,10 @@ class PhotoReflector(Specification):
             )
         widest = max(led.size, phototransistor.depth)
         if widest > width * slack:
-            raise InputError(f"body = {package.extent} is not allowed: a y extent of at least {widest:g} is needed.")
+            raise InputError(
+                f"body = {package.extent} is not allowed: a y extent of at least {widest:g} mm is needed, that of the "
+                f"larger of LED and phototransistor."
+            )
         closest_pitch = max(length if self.columns > 1 else 0.0, width if self.rows > 1 else 0.0)
         if self.pitch < closest_pitch / slack:
             raise InputError(

@@ -54,7 +54,9 @@ def measured_rows(measurement: Measurement, over: Sequence[str] | None) -> Table
         if a quantity other than the force is requested.
     """
     if over is not None and tuple(over) != ("force",):
-        raise InputError(f"over = {', '.join(over)} is not allowed for a measurement of forces: force is needed.")
+        raise InputError(
+            f"over = {', '.join(over)} is not allowed for a measurement of forces: over = force alone is needed."
+        )
     name, _, force, runs = runs_of(measurement)
     path = np.concatenate([np.full(run.stop - run.start, number) for number, run in enumerate(runs)])
     readings = np.concatenate([measurement.voltage[run] for run in runs])

@@ -178,7 +178,8 @@ class Cell:
         """Error of the reading due to the quadrature of the light that the phototransistor accepts from each patch, in
         W per W.
 
-        It combines the sum of the errors of all patches and their root sum of squares; see :func:`acceptance`.
+        It is the root sum of squares of two quantities: the sum of the errors of all patches, and their root sum of
+        squares. The error of a patch follows from the difference of the two integrals of :func:`acceptance`.
         """
         errors = self._reception_errors()
         return float(np.hypot(errors.sum(), np.linalg.norm(errors)))

@@ -89,7 +89,9 @@ class _ReceivedPairs:
         return (self._bare * self._response).sum(axis=1)
 
     def gradient(self, adjoint: np.ndarray, wider: float) -> tuple[np.ndarray, np.ndarray]:
-        """See :meth:`Reception.gradient`."""
+        """Derivatives of the scalar product of ``adjoint`` and the value with respect to the positions of the points,
+        per mm, and to their unit normals. ``wider`` is a factor of the width over which the step at the horizon is
+        smoothed; see :meth:`Reception.gradient`."""
         slopes = self._exchange.slopes((adjoint[:, None] * self._response).ravel(), WIDER * wider)
         by_end, by_normal = (
             np.stack([component.reshape(self._shape).sum(axis=1) for component in vector], axis=1)

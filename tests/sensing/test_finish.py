@@ -118,5 +118,5 @@ def test_a_finish_from_python_written_as_xml_reads_the_same_to_the_bit(llvm_mono
 
 def test_refinements_that_a_scene_cannot_state_are_refused():
     finish = SeparateFinish(LayerSteps(0.2, refinement=2.0), RandomRoughness(0.02, 0.5))
-    with pytest.raises(InputError, match="finish_refinement = 2 and 4 for roof and side is not allowed"):
+    with pytest.raises(InputError, match="finish_refinement = 2 for roof and 4 for side is not allowed"):
         sensor("hemispheric", finish)

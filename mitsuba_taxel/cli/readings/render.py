@@ -290,7 +290,7 @@ def crosstalk_as_json(matrix) -> dict[str, object]:
 
 
 def audit_as_json(audit) -> dict[str, object]:
-    """The entry for ``--audit``: fractions of the emitted power."""
+    """The entry for ``--audit``: fractions of the emitted power by the places where the light is absorbed."""
     if audit is None:
         return {}
     rows = zip(audit.places, audit.share.tolist(), audit.standard_error.tolist(), strict=True)

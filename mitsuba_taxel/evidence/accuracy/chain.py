@@ -103,7 +103,7 @@ def chain_curves(
     """Measure the errors of readings, and of their slopes over the force, for several target errors; no caches are
     used.
 
-    A slope needs a second reading at the smaller load, with the mesh and the number of points that were chosen for the
+    A slope needs a second reading, that of ``nearby``, with the mesh and the number of points that were chosen for the
     target error.
 
     Parameters
@@ -112,14 +112,20 @@ def chain_curves(
         The scene.
     truth : TruthEstimate
         Reference values of the readings.
-    near : SmallerLoad or None
-        The scene under the smaller load; None to omit slopes.
+    nearby : SmallerLoad or None
+        The scene under a slightly smaller load; None to omit slopes.
     slope : TruthEstimate or None
         Reference values of the slopes, in W/N.
     seconds : float
         Time budget of each reading.
     starting : Callable[[str], None]
         Called with the name of each step.
+
+    Returns
+    -------
+    list[ErrorCurve]
+        True and stated errors over the time, one point for each target error: of the readings, then, unless ``nearby``
+        is None, of the slopes.
     """
     reading_points, slope_points = [], []
     measure(scene, points=1)  # compiles

@@ -211,8 +211,8 @@ def limits(scenes: Sequence[Scene], size: float) -> list[FineMeshLimit]:
 def tolerance_runs(
     scene: Scene, pads: Sequence[PadRequest], size: float, starting: Callable[[str], None]
 ) -> tuple[dict[float, UncachedReadings], FineMeshLimit]:
-    """Solve a scene on one mesh with several tolerances of the load steps, and with a very strict tolerance as the
-    reference.
+    """Solve a scene on one mesh with several tolerances of the error of load steps, and with a very strict tolerance as
+    the reference.
 
     Parameters
     ----------

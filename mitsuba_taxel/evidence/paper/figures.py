@@ -200,8 +200,10 @@ def choices(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]], file:
 
     Parameters
     ----------
-    found : Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]
+    tables : Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]
         Sensitivities by choice, then ``normal`` and ``tangential``, then cell shape.
+    file : Path
+        File of the figure.
     """
     theirs = {"normal": paper.NORMAL, "tangential": paper.TANGENTIAL}
     rows, ticks = np.arange(len(tables)), (10, 100, 1000, 10_000)

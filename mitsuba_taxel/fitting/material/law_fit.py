@@ -135,7 +135,9 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
     measured = tests.measured / tests.deviation
 
     def linear(shape_values: Any, slacks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The best moduli for given shape parameters, and the residuals."""
+        """The moduli (count,) in MPa that fit best by linear least squares, and the residuals (rows,), relative to the
+        noise, for given shape parameters and for given slacks (c,) of the curves: the strains at which the specimens
+        become taut."""
         columns = tests.columns(candidate, shape_values, slacks)
         scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
         if candidate.positive:

@@ -34,7 +34,8 @@ LARGEST_WEIGHT = 1 / _DEFENSIVE
 
 
 class GuidedEmission:
-    """A piecewise constant density over the unit square for each of T taxels.
+    """A piecewise constant density over the unit square for each of T taxels. A point of the square is the pair of
+    random numbers that the emission law maps to the direction of a ray.
 
     Parameters
     ----------

@@ -72,8 +72,8 @@ class SolidDistance:
         return size + distance_beyond, slope, np.where(distance_beyond[:, None, None] > 0, 0.0, curvature)
 
     def footprint(self, height: float) -> np.ndarray:
-        """Positions (n, 2) in mm of the nodes of the grid in x and y that are inside the body at a height in mm above
-        its lowest point."""
+        """Positions (n, 2) in mm, along x and y, of nodes that are inside the body at a height in mm above its lowest
+        point. They are nodes of the grid on which distances to the body are interpolated."""
         x, y = (self._first[k] + self.spacing * np.arange(self._counts[k]) for k in (0, 1))
         points = np.stack(np.meshgrid(x, y, [height], indexing="ij"), axis=-1).reshape(-1, 3)
         return points[self.at(points)[0] <= 0, :2]

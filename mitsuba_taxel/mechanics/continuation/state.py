@@ -46,10 +46,11 @@ NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
 class StateComparison(NamedTuple):
-    """Errors of a state from the comparison with a second mesh, as in :class:`State`, and the time in s that its
-    equilibria took.
+    """Errors of a state from the comparison with a second mesh, as in :class:`State`, and the time in s in which the
+    equilibria on the second mesh were solved.
 
-    ``deviate`` computes the deviations, which only readings need.
+    ``deviate`` computes :attr:`State.deviations`, the changes of the displacement on coarser elements, which are needed
+    for the errors of readings only.
     """
 
     error: RoofError | None = None

@@ -356,8 +356,9 @@ class PressedState(LinearisedState):
         return self._under_force(rate, float(self._body.force_rate(self._contact_state, shift, np.zeros_like(rate))[2]))
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
-        """See :meth:`LinearisedState.pull_back`. The derivative with respect to the value of the load exists along z
-        alone; others are NaN."""
+        """Derivatives of a scalar L with respect to force, material and shape, from its derivatives ``gradient`` (N, 3)
+        with respect to the displacements of the nodes. With respect to the force, the derivative exists along z alone;
+        the others are NaN. See :meth:`LinearisedState.pull_back`."""
         gradient = array_of("gradient", gradient, self.displacement.shape)
         by_force = float(np.vdot(gradient, self._by_height)) / self._stiffness
         at_depth = super().pull_back(gradient - by_force * self._body.force_gradient(self._contact_state), shapes)

@@ -122,7 +122,8 @@ def couple_held(
 
 
 def are_at_feet(mesh: VolumeMesh, places: np.ndarray, fraction: float = 1.0) -> np.ndarray:
-    """Mask (...): whether places (..., 3) in mm are within a ``fraction`` of :data:`RADIUS` of a foot."""
+    """Mask (...): whether places (..., 3) in mm are near a foot, a point where upright outer edges meet the glued
+    bottom: closer than ``fraction`` times :data:`RADIUS` times the pad's height."""
     inside, radius = np.zeros(places.shape[:-1], dtype=bool), fraction * RADIUS * float(np.ptp(mesh.points[:, 2]))
     for foot in mesh.points[rim_corners(mesh, "bottom", SHARP)]:
         inside |= np.linalg.norm(places - foot, axis=-1) < radius

@@ -318,7 +318,7 @@ class Pad(Kinded, Displayed):
         return replace(self, fillet=radius, meshed_as="")
 
     def with_blunt_edges(self, mouth: float, outer: float) -> Self:
-        """The same pad with other fillets of mouths and of the outside; it is meshed itself.
+        """The same pad with other fillets of mouths and of the outside, and a mesh that is not moved from another pad.
 
         Parameters
         ----------

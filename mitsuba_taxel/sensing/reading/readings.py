@@ -145,9 +145,9 @@ class Readings(Displayed):
         Error, in W, of a reading of 0: the power that the taxel may receive although no light path reached it, as one
         standard deviation. NaN if unknown; None if no reading is 0, or light was computed without random numbers.
     facets : (T,) ndarray or None
-        Change of the power, in W, if the triangles of curved walls are inscribed; 0 if all walls are flat. For light
-        without random numbers it is the error due to patches, divided by the same factor that converts this change to
-        an error. None if not requested.
+        Change of the power, in W, if the triangles of curved walls are inscribed; 0 if all walls are flat. The error
+        due to facets is ``FACETS_SHARE`` times this change. Light without random numbers has no facets; there it is
+        the error due to patches, divided by ``FACETS_SHARE``. None if not requested.
     mesh_size : float or None
         Size in mm of the finite elements of pads whose mesh the scene does not fix; None for the default.
     derivatives : Derivatives or None
@@ -162,8 +162,8 @@ class Readings(Displayed):
     remarks : list of str
         Further notes for the reader.
     exceeded_limits : dict[str, float]
-        Limits of the silicone's stretch that are exceeded, such as that of its tests: the largest stretch, by the
-        description of the limit.
+        Largest stretch, by the description of each limit that it exceeds, such as the largest stretch at which the
+        silicone was tested; empty if no limit is exceeded.
     finishes : dict[str, str]
         Finish (texture) of the cells' walls with its parameters, by the name of the wall, such as ``roof and side``.
     positions : (T, 2) ndarray or None

@@ -8,6 +8,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.backend.packets import in_packets
+from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.paths.wavefronts import trace
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
@@ -32,7 +33,10 @@ def render(
     refuse_unreadable(scene, integrator)
     pair = next((pair for pair in taxels_of(scene) if pair.sensor is sensor), None)
     if pair is None:
-        raise InputError("the sensor to render is not a phototransistor.")
+        raise InputError(
+            f"sensor {sensor.id()!r} is not allowed: it is a {kind_of(sensor)}; the index of a phototransistor among "
+            f"the scene's sensors is needed."
+        )
     _, image, _ = trace(integrator, scene, pair, spp or sensor.sampler().sample_count(), int(seed), image=True)
     assert image is not None  # as requested
     film.prepare([])

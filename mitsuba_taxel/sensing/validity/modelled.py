@@ -131,8 +131,8 @@ def _refuse_other_windows(scene: mi.Scene) -> None:
     for pair in taxels_of(scene):
         if pair.is_below_windows and not pair.coplanar:
             raise InputError(
-                "photo_reflector: an LED below a window forms a taxel with a phototransistor elsewhere, which is not "
-                "modelled: list LEDs and phototransistors in the same order."
+                "photo_reflector: an LED below a window forms a taxel with a phototransistor of another object, which "
+                "is not modelled: list LEDs and phototransistors in the same order."
             )
 
 
