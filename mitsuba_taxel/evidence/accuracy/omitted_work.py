@@ -271,16 +271,21 @@ following row adds one piece of work that the scene does not need; the last row 
 
 {table}
 
-- **modules**, **slow ones**: number of imported Python modules, and which packages among them are slow to import.
+- **added work**: *whole pad solved*: usually, only one of the parts that are mirror images is solved. *Unloaded pad
+  solved*: the equilibrium of a pad at rest is computed. *All pairs traced*: light is traced from every LED to every
+  phototransistor, as for crosstalk; usually, it is traced within each taxel.
+- **modules**, **slow ones**: number of imported Python modules, and which packages among them are slow to import
+  (`rslab` solves systems of equations).
 - **triangles**: number of triangles in which light is traced.
 - **unknowns**: number of unknowns of the largest system of equations that is solved; 0 for none.
 - **kernels**, **operations**: number of different kernels of {smallest} operations or more that Dr.Jit ran, and the
   total number of operations of their intermediate representation.
 - **first CPU s**: CPU time of the whole process, with empty caches of kernels and solutions; one thread traces the
-  light. **again CPU s**: the smaller CPU time of two runs with the caches of the first run (a pad without load is
-  solved again). Rows of equal work differ by up to a third if the machine is busy.
-- **Z**: largest difference of a reading from the first row, in standard errors of the light. The random numbers are the
-  same, except if all pairs are traced: only there, a difference of one or two is expected.
+  light. **again CPU s**: the smaller CPU time of two runs with the caches of the first run. Rows of equal work differ
+  by up to a third if the machine is busy. The added solution of an unloaded pad is not cached.
+- **Z**: difference of a reading from the same reading in the first row, divided by the standard error of this
+  difference due to the light; the largest over all readings. The random numbers are the same, so it is 0 or small. They
+  differ only if all pairs are traced: there, a Z of one or two is expected.
 
 Some work is omitted in every scene, so that no row can show what it would cost. Paths end at absorbing walls. Under a
 plate or an unloaded flat roof, all reflecting surfaces lie in one plane, and no path is reflected twice: `max_depth`
