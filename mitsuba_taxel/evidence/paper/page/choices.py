@@ -57,10 +57,10 @@ def variations(studies: Found, pictures: Path) -> str:
 
 Each row changes one choice of the nominal sensor, or two, and has the sensitivities of the four shapes in µW/N. The
 elements are those used for the normal forces of Table 1. The columns *N* have slopes under normal forces up to
-20 N, the columns *T* have slopes under forces up to 8 N along x or y, at -8 N. Each is the steepest slope of two taxels,
-the corner and the centre; Table 1 has the steepest of all nine. Slopes are those of curves through readings and their
-derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random paths, slopes are differences between
-these forces, and their noise may exceed the slope.
+20 N, the columns *T* have slopes under forces up to 8 N along x or y, at -8 N. Each is the steepest slope of two
+taxels, the corner and the centre; Table 1 has the steepest of all nine. Slopes are those of curves through readings and
+their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random paths, slopes are differences
+between these forces, and their noise may exceed the slope.
 
 - *order*: number of pairs of shapes that are in the paper's order: of the 6 pairs under normal force, plus of the 6
   pairs under tangential force.

@@ -42,7 +42,7 @@ def nominal(studies: Found, pictures: Path) -> str:
 ![Change of power under tangential force](paper/tangential.png)
 
 **Tangential forces at -8 N**: change of power of the corner taxel at (+x, +y) and of the centre. Solid lines end where
-the paper's solver stopped.
+the paper's solver stopped; dashed lines, if there are any, continue to the largest force that the pad bears.
 
 ![Sensitivities](paper/table1.png)
 
@@ -92,9 +92,10 @@ def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
     shares = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
     noise = f", of which the noise of the light is at most {light:.2%}" if light else ""
     return (
-        f"{count} readings took {wall:.0f} s, summed over their studies ({shares}, summed over processes). The largest "
-        f"total error of a reading is {total:.2%}{noise}; the estimated error of the roofs' displacement is at "
-        f"most {1e3 * roofs:.1f} µm, on finite elements of {meshes}."
+        f"{count} readings took {wall:.0f} s, summed over their studies. Computing times by stage, summed over all "
+        f"processes, are {shares} (load: loading of the scene). The largest total error of a reading is "
+        f"{total:.2%}{noise}; the estimated error of the roofs' displacement is at most {1e3 * roofs:.1f} µm, on finite "
+        f"elements of {meshes}."
     )
 
 

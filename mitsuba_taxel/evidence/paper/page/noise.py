@@ -61,8 +61,8 @@ def analog(studies: Found, pictures: Path) -> str:
 
 The paper traces 20 x 3000 = {paper.RAYS} rays for each reading. Here, `analog_tracer` counts {counting.RAYS} rays, the
 nearest power of two, for the centre taxel at each of the 41 normal forces, with new random rays each time. The result
-of the procedure is the maximum slope over steps of 0.5 N. The table compares it with the true maximum slope, that of the
-centre taxel without noise:
+of the procedure is the maximum slope over steps of 0.5 N. The table compares it with the true maximum slope, that of
+the centre taxel without noise:
 
 {markdown_table(head, rows)}
 
