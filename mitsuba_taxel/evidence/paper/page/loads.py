@@ -94,8 +94,8 @@ def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
     return (
         f"{count} readings took {wall:.0f} s, summed over their studies. Computing times by stage, summed over all "
         f"processes, are {shares} (load: loading of the scene). The largest total error of a reading is "
-        f"{total:.2%}{noise}; the estimated error of the roofs' displacement is at most {1e3 * roofs:.1f} µm, on finite "
-        f"elements of {meshes}."
+        f"{total:.2%}{noise}; the estimated error of the roofs' displacement is at most {1e3 * roofs:.1f} µm, on "
+        f"finite elements of {meshes}."
     )
 
 
