@@ -164,8 +164,13 @@ def node_lines(points: np.ndarray, first: int) -> list[str]:
 
 
 def read_displacement(file: Path, nodes: int) -> np.ndarray:
-    """Read the displacements (N, 3) in mm of nodes 1 to N from a `.dat` file that begins with their table."""
-    return np.loadtxt(file, skiprows=3, usecols=(1, 2, 3), ndmin=2, max_rows=nodes)
+    """Read the displacements (N, 3) in mm of nodes 1 to N from the first table of displacements in a `.dat` file.
+
+    Version 2.23 prints the step and the increment before the table, older versions do not.
+    """
+    lines = file.read_text(encoding="utf-8").splitlines()
+    heading = next(number for number, line in enumerate(lines) if line.startswith(" displacements"))
+    return np.loadtxt(lines[heading + 2 :], usecols=(1, 2, 3), ndmin=2, max_rows=nodes)
 
 
 def read_force(file: Path) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import pytest
 
@@ -28,17 +29,20 @@ def test_growth_is_the_power_of_times_that_follow_one(power):
 
 @pytest.mark.parametrize("under_ball", [False, True])
 def test_a_row_is_of_its_pad(under_ball, llvm_mono, monkeypatch):
-    """Its errors are those of the reading; a ball has smaller elements under it."""
+    """Its errors are those of the reading, its time that of the process; a ball has smaller elements under it."""
     seen, measure = [], many_cells.measure
     monkeypatch.setattr(many_cells, "measure", lambda scene: seen.append(measure(scene)) or seen[-1])
+    start = time.process_time()
     row = ManyCells(1, under_ball).measured()
+    seconds = time.process_time() - start
     (reading,), elements = seen, len(pad_mesh(Pad(rows=1, columns=1), 1.25).tets)
     assert isinstance(reading, Readings)
     assert row.elements > 1.2 * elements if under_ball else row.elements == elements
     assert row.mechanics_error == pytest.approx(reading.error_budget["mechanics"])
     assert row.light_error == pytest.approx(math.hypot(*(reading.error_budget[key] for key in ("light", "geometry"))))
     assert cells(row)[0].startswith("1 x 1, ") and cells(row)[-1] == "read"
-    assert 0 < row.mechanics_error < 0.01 and row.seconds > 0.5 and row.megabytes > 100
+    assert 0 < row.mechanics_error < 0.01 and row.megabytes > 100
+    assert 0.9 * seconds < row.seconds <= seconds  # meshes and kernels may be those of other tests
 
 
 def test_what_does_not_fit_is_a_row(monkeypatch):

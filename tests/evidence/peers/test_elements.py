@@ -141,6 +141,10 @@ def test_displacements_and_force_are_read(tmp_path):
     file.write_text(file.read_text() + TOTAL)
     assert np.array_equal(read_displacement(file, 2), expected)
     assert np.array_equal(read_force(file), [-0.01389803, -7.737624e-03, -1.156888])
+    step = "\n                        S T E P       1\n\n\n                                INCREMENT     1\n\n"
+    file.write_text(step + file.read_text())  # as version 2.23 begins the file
+    assert np.array_equal(read_displacement(file, 2), expected)
+    assert np.array_equal(read_force(file), [-0.01389803, -7.737624e-03, -1.156888])
 
 
 @pytest.mark.parametrize("cell, tolerance", [("parallelepiped", 1e-12), ("cylindrical", 1e-3)])
