@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.derivatives.sensitivities import mirrors_of_state
 from mitsuba_taxel.mechanics.elements.solvers import symmetric_product
@@ -40,11 +40,17 @@ class CriticalMode:
 
     Raises
     ------
+    InputError
+        if the load of the state is a plate that tilts.
     ComputationError
         if the state is not stable, or its least stiff modes cannot be distinguished.
     """
 
     def __init__(self, state: State) -> None:
+        if state.load.tilts:
+            raise InputError(
+                f"load = {state.load.name!r} is not allowed: the least stiff mode under a tilting plate is not modelled."
+            )
         self._state, self._mirrors = state, mirrors_of_state(state)
         pad = loaded_pad(state.mesh, state.material, state.load, self._mirrors)
         self._blocks = tangent_blocks(pad)
