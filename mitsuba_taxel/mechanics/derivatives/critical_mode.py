@@ -49,8 +49,8 @@ class CriticalMode:
     def __init__(self, state: State) -> None:
         if state.load.tilts:
             raise InputError(
-                f"load = {state.load.name!r} is not allowed: the least stiff mode of a pad under a tilting plate is not "
-                "modelled."
+                f"load = {state.load.name!r} is not allowed: the least stiff mode under a tilting plate "
+                "is not modelled."
             )
         self._state, self._mirrors = state, mirrors_of_state(state)
         pad = loaded_pad(state.mesh, state.material, state.load, self._mirrors)
