@@ -134,7 +134,7 @@ def choice(default: str | None, allowed: Mapping[str, str] | Sequence[str], doc:
 def kind(default: str, family: Any, doc: str, also: Mapping[str, str] = MappingProxyType({}), **conditions: Any) -> Any:
     """Declare a field for the name of a kind of a family, such as a cell shape, or for a word of ``also``.
 
-    See `Kind` and `Choice`.
+    The field holds the name, as that of a `Choice`; the names are those of the subclasses of a `Kind`.
 
     Parameters
     ----------

@@ -159,9 +159,9 @@ def view_of(scene: mi.Scene) -> tuple[mi.Sensor, np.ndarray, np.ndarray]:
     camera : mi.Sensor
         The scene's only sensor.
     depth : (H, W) ndarray
-        See `CameraImage`.
+        Distance in mm along the camera's axis to the first surface at each pixel, as in `CameraImage`.
     coat : (H, W) ndarray of bool
-        See `CameraImage`.
+        Whether that surface is the coat of a pad without cells, as in `CameraImage`.
 
     Raises
     ------

@@ -163,28 +163,28 @@ def measured(
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
-        See :func:`measure`.
+        Scene in any form that :func:`measure` takes.
     target_error : float, optional
-        See :func:`measure`.
+        Relative total error that every taxel should reach, as for :func:`measure`.
     points : int, optional
-        See :func:`measure`.
+        Number of light paths for each taxel and replicate, as for :func:`measure`.
     time_budget : float, optional
-        See :func:`measure`.
+        Time in s after which nothing further is traced, as for :func:`measure`.
     seed : int
-        See :func:`measure`.
+        Seed of the random numbers, as for :func:`measure`.
     irradiance : bool
-        See :func:`measure`.
+        Whether the result has the map of irradiance over the phototransistors.
     mechanics_error : bool
-        See :func:`measure`.
+        Whether errors due to finite elements and flat triangles are estimated.
     continued : Readings, optional
-        See :func:`measure`.
+        Earlier readings of the same scene, which this run extends, as for :func:`measure`.
     derivatives : sequence of str
-        See :func:`measure`.
+        Names of the parameters with respect to which the readings are differentiated.
 
     Returns
     -------
     readings : Readings
-        See :func:`measure`.
+        Power on each phototransistor in W, with its errors; the irradiance map and derivatives if requested.
     ready : Prepared
         The scene.
 
@@ -383,7 +383,7 @@ def crosstalk(
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
-        See :func:`measure`.
+        Scene in any form that :func:`measure` takes.
     target_error : float, optional
         Relative standard error of the light that each phototransistor's power from its own LED should reach; 0.005 by
         default.
@@ -483,15 +483,15 @@ def check_request(
     Parameters
     ----------
     target_error : float or None
-        See :func:`measure`.
+        Relative total error that every taxel should reach, as for :func:`measure`.
     points : int or None
-        See :func:`measure`.
+        Number of light paths for each taxel and replicate, as for :func:`measure`.
     seed : int
-        See :func:`measure`.
+        Seed of the random numbers, as for :func:`measure`.
     time_budget : float, optional
-        See :func:`measure`.
+        Time in s after which nothing further is traced, as for :func:`measure`.
     derivatives : sequence of str
-        See :func:`measure`.
+        Names of the parameters with respect to which the readings are differentiated.
 
     Raises
     ------

@@ -156,7 +156,8 @@ class Exchange:
         wider : float
             Factor of the width :data:`HORIZON` over which the step at the horizon is smoothed.
         above : (N,) ndarray or None
-            See :meth:`values`.
+            Fraction of the surface above the horizon of the start, by which isotropic light is multiplied. See
+            :meth:`values`.
         by_leaving : (N,) ndarray or None
             With ``above``: derivatives of the weighted values with respect to the heights of the ends above the
             horizons, on which ``above`` depends, per mm.

@@ -61,7 +61,8 @@ def pairs_of(targets: np.ndarray, positions: np.ndarray, own: np.ndarray, degree
     degree : int
         Degree of the triangle rule, which is applied to each piece of the other patches.
     distance : float
-        See :func:`cut_near`.
+        Distance from a target to the middle of a piece, relative to its longest side: a piece at a smaller distance is
+        subdivided. See :func:`cut_near`.
 
     Returns
     -------

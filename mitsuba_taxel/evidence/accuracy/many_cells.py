@@ -148,7 +148,8 @@ def many_cells(
     sides : sequence of int
         Number of rows, and of columns, of cells of each pad.
     under_ball : bool
-        See :class:`ManyCells`.
+        Whether a ball presses on the pad beside its centre, instead of a force spread over the top. See
+        :class:`ManyCells`.
     seconds : float
         Largest wall time in s for each pad.
     starting : Callable[[str], None]

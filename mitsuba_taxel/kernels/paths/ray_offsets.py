@@ -23,7 +23,7 @@ def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) ->
     d : mi.Vector3f
         Direction, of length 1.
     clearance : mi.Float
-        See :func:`clearance_of`.
+        Part of the offset from the surface in mm, by :func:`clearance_of`.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def between(
     d : mi.Vector3f
         Direction to the target.
     clearance : mi.Float
-        See :func:`clearance_of`.
+        Part of the offset from the surface in mm, by :func:`clearance_of`.
     target, target_n : mi.Point3f, mi.Vector3f
         Point of the other surface and its normal there.
 
@@ -70,7 +70,7 @@ def release(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) 
     d : mi.Vector3f
         Direction, of length 1.
     clearance : mi.Float
-        See :func:`clearance_of`.
+        Part of the offset from the surface in mm, by :func:`clearance_of`.
 
     Returns
     -------

@@ -149,7 +149,8 @@ def reflected(
     context : mi.BSDFContext
         Direction of tracing.
     clearance : mi.Float
-        See :func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`.
+        Part of the offset from the surface in mm, by :func:`clearance_of`. See
+        :func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`.
     first : mi.SurfaceInteraction3f
         Where rays from the phototransistor meet a wall.
     direction : mi.Vector3f

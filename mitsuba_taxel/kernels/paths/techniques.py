@@ -119,7 +119,8 @@ class Techniques:
     guide : Guide or None
         Guide of the directions between walls.
     clearance : mi.Float
-        See :func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`.
+        Part of the offset from the surface in mm, by :func:`clearance_of`. See
+        :func:`mitsuba_taxel.kernels.paths.ray_offsets.leave`.
     mirrors : PlaneMirrors or None
         Plane mirrors for image connections.
     """

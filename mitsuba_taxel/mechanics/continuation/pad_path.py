@@ -208,7 +208,7 @@ class PadPath(PathStates):
         pressure : (corners,) ndarray
             Pressure at each corner of the elements in MPa, positive in tension.
         fraction : float
-            See :class:`SelfTouchingPad`.
+            Reach of the barriers, relative to the default. See :class:`SelfTouchingPad`.
 
         Returns
         -------
@@ -278,7 +278,8 @@ def pad_path(
     bodies : RigidBodies, optional
         Rigid bodies that the pad must not penetrate.
     step_tolerance : float
-        See :func:`load_path`.
+        Allowed root mean square error of interpolated displacements of an elastic pad, relative to the largest
+        displacement of the state. See :func:`load_path`.
     refinement : Refinement, optional
         Region under an indenter where elements are smaller.
 

@@ -62,7 +62,7 @@ def loaded_pad(
     bodies : RigidBodies, optional
         Rigid bodies that the pad must not penetrate.
     ticks : int
-        See :func:`new_pad`.
+        Number of smallest fractions of a step. See :func:`new_pad`.
 
     Returns
     -------

@@ -60,19 +60,20 @@ def second_state(
     Parameters
     ----------
     pad : AnyPad
-        See :func:`load_path`.
+        The pad, parametric or from a file. See :func:`load_path`.
     material : Material
-        See :func:`load_path`.
+        Silicone of the pad. See :func:`load_path`.
     value : sequence of float
         Value of the load, in N, mm or MPa.
     load : Load
-        See :func:`load_path`.
+        Kind of load, by default a force spread over the top. See :func:`load_path`.
     mesh_size : float, optional
-        See :func:`load_path`.
+        Size of the finite elements in mm. See :func:`load_path`.
     mesh_tolerance : float, optional
-        See :func:`load_path`.
+        Instead of a size, the target for the relative error of the roofs' displacement under a small load. See
+        :func:`load_path`.
     judged_on : float, optional
-        See :func:`load_path`.
+        Element size, in mm, of the mesh on which the stability of an elastic pad is tested. See :func:`load_path`.
     bodies : RigidBodies, optional
         Rigid bodies that the pad must not penetrate.
 

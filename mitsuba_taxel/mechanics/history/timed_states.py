@@ -68,7 +68,7 @@ class TimedStates:
     material : Viscoelastic
         The silicone.
     coarsening : int
-        See :class:`RowSteps`.
+        Length of steps under friction, relative to the steps of the path: 1 or 2. See :class:`RowSteps`.
     fraction : float
         Reach of the barriers, relative to the default; see :class:`SelfTouchingPad`.
     """

@@ -35,8 +35,9 @@ def surface_rates(
     state : State
         The deformed pad.
     subdivision : int
-        See :func:`tessellate`.
+        Segments into which the longest edge of a face of ``cells`` is divided. See :func:`tessellate`.
     pad : AnyPad or None
+        The pad, if it has round walls: the undeformed surface is then that of the walls rather than of their elements.
         See :func:`tessellate`.
     displacement_rate : (N, 3) ndarray
         Derivative of the displacement of the N nodes with respect to the parameter, in mm per unit, as from
@@ -45,7 +46,7 @@ def surface_rates(
         Derivative of the positions of the undeformed nodes with respect to the parameter, in mm per unit; 0 by default.
         Vertices stay on walls that remain round; on other walls they move with the elements.
     cells : sequence of int, optional
-        See :func:`tessellate`.
+        Numbers of the cells that are subdivided. See :func:`tessellate`.
 
     Returns
     -------
@@ -92,11 +93,11 @@ def surface_gradient(
     state : State
         The deformed pad.
     subdivision : int
-        See :func:`tessellate`.
+        Segments into which the longest edge of a face of ``cells`` is divided. See :func:`tessellate`.
     gradient : (V, 3) ndarray
         Derivatives with respect to the vertices, per mm.
     cells : sequence of int, optional
-        See :func:`tessellate`.
+        Numbers of the cells that are subdivided. See :func:`tessellate`.
 
     Returns
     -------

@@ -185,12 +185,14 @@ def contact_pressure_at_vertices(
     state : State
         State under an indenter.
     subdivision : int
-        See :func:`tessellate`.
+        Segments into which the longest edge of a face of ``cells`` is divided. See :func:`tessellate`.
     finish : Finish or SeparateFinish, optional
-        See :func:`tessellate`.
+        Relief on the faces of the undeformed cells, subdivided as finely as it needs, that moves with the deformation:
+        see :class:`Relief`. See :func:`tessellate`.
     cells : sequence of int, optional
-        See :func:`tessellate`.
+        Numbers of the cells that are subdivided. See :func:`tessellate`.
     pad : AnyPad, optional
+        The pad, if it has round walls: the undeformed surface is then that of the walls rather than of their elements.
         See :func:`tessellate`.
 
     Returns
@@ -215,9 +217,10 @@ def chosen_cells(
     mesh : VolumeMesh
         Mesh of the undeformed pad.
     cells : Sequence[int] or None
-        See :func:`tessellate`.
+        Numbers of the cells that are subdivided. See :func:`tessellate`.
     finish : Finish or SeparateFinish or None
-        See :func:`tessellate`.
+        Relief on the faces of the undeformed cells, subdivided as finely as it needs, that moves with the deformation:
+        see :class:`Relief`. See :func:`tessellate`.
 
     Returns
     -------

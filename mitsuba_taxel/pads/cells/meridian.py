@@ -315,7 +315,8 @@ def onto_meridian(
     square : bool
         Whether the section is square, else it is round.
     beside : (N, 3) ndarray, optional
-        See :func:`from_axis`.
+        Points that replace ``points`` in the decision whether x or y is used for a square section. See
+        :func:`from_axis`.
 
     Returns
     -------

@@ -97,7 +97,7 @@ def outside(extent: tuple[float, float, float], radius: float, wall: float, cell
     Parameters
     ----------
     extent : tuple[float, float, float]
-        See `Outside`.
+        Dimensions of the sharp block along x, y and z, mm. See `Outside`.
     radius : float
         Radius of the fillets, mm.
     wall : float

@@ -280,7 +280,7 @@ class Crosstalk:
     seed : int
         Seed of the random numbers.
     dark_error : (T, T) ndarray or None
-        See `Readings`.
+        Error, in W, of a power of 0, as one standard deviation; NaN or None as in `Readings`.
     deviation : (T, T) ndarray or None
         Change of the power in W on coarser finite elements; see `Readings`. NaN if unknown; None if no pad is loaded.
     """

@@ -72,7 +72,7 @@ def prepare(scene: AnyScene) -> Prepared:
     Parameters
     ----------
     scene : Scene or str or Path or dict or mi.Scene or Prepared
-        See :func:`measure`.
+        Scene in any form that :func:`measure` takes.
 
     Returns
     -------

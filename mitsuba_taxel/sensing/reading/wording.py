@@ -37,7 +37,7 @@ def budget_line(budget: Mapping[str, float]) -> str:
     Parameters
     ----------
     budget : Mapping[str, float]
-        See :func:`error_budget`.
+        Largest relative error of any taxel by source, as from :func:`error_budget`.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def budget_rows(budget: Mapping[str, float]) -> list[tuple[str, str]]:
     Parameters
     ----------
     budget : Mapping[str, float]
-        See :func:`error_budget`.
+        Largest relative error of any taxel by source, as from :func:`error_budget`.
 
     Returns
     -------

@@ -58,7 +58,7 @@ class Batch:
     points : int or None
         See ``sweep``. 0 requests light without random numbers; users cannot set it.
     seed : int
-        See ``sweep``.
+        Whole number from 0 to 2**32 - 1. See ``sweep``.
     maps : bool
         Whether irradiance maps are stored as well.
     derivatives : tuple[str, ...]
@@ -168,31 +168,32 @@ def make_batch(
     source : str or Path
         Path or name of the scene.
     vary : Mapping[str, str or Iterable[object]]
-        See :func:`sweep`.
+        Values of each varied parameter, as for :func:`sweep`.
     defines : Mapping[str, object], optional
-        See :func:`sweep`.
+        Values of the parameters that are not varied, by name.
     together : Mapping[str, str or Iterable[object]], optional
-        See :func:`sweep`.
+        Values of parameters that vary together, as for :func:`sweep`.
     target_error : float, optional
-        See :func:`sweep`.
+        Target for the relative total error (mechanics and light) of the worst taxel. See :func:`sweep`.
     points : int, optional
-        See :func:`sweep`.
+        Number of light paths for each taxel and randomisation, instead of a target error. See :func:`sweep`.
     time_budget : float, optional
-        See :func:`sweep`.
+        Largest duration of the study in s. See :func:`sweep`.
     mesh_size : float, optional
-        See :func:`sweep`.
+        Size of the finite elements in mm, for pads whose scene does not set it. See :func:`sweep`.
     seed : int
-        See :func:`sweep`.
+        Whole number from 0 to 2**32 - 1. See :func:`sweep`.
     maps : bool
-        See :func:`sweep`.
+        Whether to write irradiance maps to ``output`` as well, as OpenEXR. See :func:`sweep`.
     derivatives : sequence of str
-        See :func:`sweep`.
+        Parameters with respect to which readings are differentiated, as for :func:`measure`. See :func:`sweep`.
     target_slope : float, optional
-        See :func:`sweep`.
+        Target error of the slopes against the varied forces, relative to the slope of the steepest taxel. See
+        :func:`sweep`.
     circuit : Circuit, optional
-        See :func:`sweep`.
+        Read-out circuit, whose voltages and counts are returned with the powers. See :func:`sweep`.
     meshes : str
-        See :func:`sweep`.
+        Which deformed pads to write to ``output``: ``all``, the ``last`` of each curve, or ``none``. See :func:`sweep`.
     name : str
         Name of the scene, in a study of several.
     folder : Path

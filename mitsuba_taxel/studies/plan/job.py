@@ -35,9 +35,10 @@ class Job:
     points, seed : int
         See ``measure``; 0 if light should be computed without random numbers.
     mesh_size : float or None
+        Size in mm of the finite elements of pads for which the description gives neither a mesh size nor a tolerance.
         See ``Scene``.
     mechanics_error : bool
-        See ``measure``.
+        Whether to estimate the errors of readings due to finite elements and flat triangles. See ``measure``.
     meshes, maps : bool
         Whether to return the surfaces of the deformed pads, and the irradiance map.
     derivatives : tuple[str, ...]
