@@ -188,7 +188,7 @@ def contact_pressure_at_vertices(
         Segments into which the longest edge of a face of ``cells`` is divided. See :func:`tessellate`.
     finish : Finish or SeparateFinish, optional
         Relief on the faces of the undeformed cells, subdivided as finely as it needs, that moves with the deformation:
-        see :class:`Relief`. See :func:`tessellate`.
+        see :class:`Relief` and :func:`tessellate`.
     cells : sequence of int, optional
         Numbers of the cells that are subdivided. See :func:`tessellate`.
     pad : AnyPad, optional
@@ -220,7 +220,7 @@ def chosen_cells(
         Numbers of the cells that are subdivided. See :func:`tessellate`.
     finish : Finish or SeparateFinish or None
         Relief on the faces of the undeformed cells, subdivided as finely as it needs, that moves with the deformation:
-        see :class:`Relief`. See :func:`tessellate`.
+        see :class:`Relief` and :func:`tessellate`.
 
     Returns
     -------
