@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 from mitsuba_taxel.base.arguments import path_of
@@ -71,6 +72,8 @@ def check_new_file(file: Path, *suffixes: str) -> None:
     try:
         if file.is_dir():
             raise InputError(f"output {file} is a folder: a file is needed.")
+        with suppress(FileNotFoundError, NotADirectoryError):
+            file.parent.stat()  # refused where it may not be seen, which Python 3.14 would take for a missing folder
         if not file.parent.is_dir():
             raise InputError(f"output {file} cannot be written: there is no folder {file.parent}.")
         with tempfile.TemporaryFile(dir=file.parent):
