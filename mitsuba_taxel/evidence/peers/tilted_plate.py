@@ -60,7 +60,7 @@ def row_of(mesh_size: float, tilt: str) -> tuple[object, ...]:
     those of the board's reactions to the same motion.
     """
     wrench, increment = np.array(WRENCHES[tilt]), INCREMENTS[tilt]
-    (state,) = load_path(PAD, MATERIAL, [wrench], load=LOAD, mesh_size=mesh_size)
+    (state,) = load_path(PAD, MATERIAL, wrench[None], load=LOAD, mesh_size=mesh_size)
     mesh, top = state.mesh, nodes_of(state.mesh, "top")
     turned = rotation_vector(mesh.points[top], state.displacement[top])
     arm = mesh.points[top[0]] - LOAD.pivot(mesh)

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from mitsuba_taxel.base.caches import kept
+from mitsuba_taxel.base.caches import clear_caches, kept
 from mitsuba_taxel.mechanics import cache
 from mitsuba_taxel.mechanics.continuation.buckled_branch import BuckledBranch
 from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
@@ -213,7 +213,7 @@ def _linearised_at(pad: LoadedPad, unknowns: bytes, value: bytes) -> Linearised:
 
 def release_factor() -> None:
     """Free the memory of the factor that was last used between nodes."""
-    _linearised_at.cache_clear()
+    clear_caches(_linearised_at)
 
 
 @kept(1)  # factors take memory

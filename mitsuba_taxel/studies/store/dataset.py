@@ -209,10 +209,11 @@ def _responsivity(readings: Readings) -> dict[str, tuple]:
 
 def _positions(dims: Sequence[str], shape: Index, results: Mapping[Index, StoredResult]) -> dict[str, tuple]:
     """Positions of the taxels along x and y, over the dimensions of the study only if they change; empty if unknown."""
-    known = {index: result.readings.positions for index, result in results.items()}
-    first = next(iter(known.values()))
-    if first is None or any(positions is None for positions in known.values()):
+    stored = {index: result.readings.positions for index, result in results.items()}
+    known = {index: positions for index, positions in stored.items() if positions is not None}
+    if len(known) < len(stored):
         return {}
+    first = next(iter(known.values()))
     along: list[str] = []
     positions = first
     if not all(np.array_equal(other, first) for other in known.values()):
