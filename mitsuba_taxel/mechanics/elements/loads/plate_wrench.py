@@ -20,7 +20,7 @@ class PlateWrench(Load, name="plate_wrench", rank=3):
 
     The value is (Fx, Fy, Fz, Mx, My, Mz) in N and N mm. The force acts on a point of the plate, which moves and tilts
     with it; force and moment keep their directions. The moment is conjugate to the rotation vector of the plate: see
-    :mod:`~mitsuba_taxel.mechanics.elements.plate_rotation`.
+    ``plate_rotation``.
 
     Parameters
     ----------
