@@ -153,7 +153,10 @@ def readable_starts(optimiser: Optimiser, initial: list[Design]) -> list[Design]
             return [design]
     if not readable:
         why = next(iter(optimiser.designs.failures.values()))
-        raise ComputationError(f"the search cannot start: none of {len(optimiser.history)} designs can be read: {why}")
+        raise ComputationError(
+            "the search cannot start, because no reading could be computed for any of "
+            f"{len(optimiser.history)} designs. The first one failed: {why}"
+        )
     return readable
 
 

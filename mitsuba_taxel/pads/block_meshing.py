@@ -120,8 +120,9 @@ def check_block_size(block: Meshed, mesh_size: float) -> None:
     if mesh_size >= 0.5 * block.default_mesh_size:  # the size is the default
         size = " x ".join(f"{side:.3g}" for side in block.extent)
         raise InputError(
-            f"a block of {size} mm is not allowed: its thinnest side needs elements of {mesh_size:.2g} mm, but at "
-            f"least {least:.2g} mm is possible in a block of this size. Lengths are in mm."
+            f"a block of {size} mm is not allowed: its thinnest side needs elements of {mesh_size:.2g} mm, but in a "
+            f"block of this size, the smallest possible elements are {least:.2g} mm. A less slender block is needed "
+            "(lengths are in mm)."
         )
     raise InputError(f"mesh_size = {mesh_size:g} is not allowed: at least {least:.2g} is needed for this block.")
 

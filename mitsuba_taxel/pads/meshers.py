@@ -33,6 +33,6 @@ def require_netgen(what: str) -> None:
     if not has_netgen():
         raise InputError(
             f"{what} needs the package netgen-mesher, which is not installed: pip install netgen-mesher. It has no "
-            "wheels for Linux on aarch64; plates, fast models and pads without cells work without it, and pads from "
-            "STL, PLY or OBJ files with pytetwild."
+            "wheels for Linux on aarch64. Plates, fast models and pads without cells do not need it; pads from STL, "
+            "PLY or OBJ files can use pytetwild instead."
         )

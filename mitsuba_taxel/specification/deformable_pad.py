@@ -297,7 +297,9 @@ class DeformablePad(Specification, Kinded):
                 "for it."
             )
         if self.cell == NO_CELL and self.read_cells != "all":
-            raise InputError(f"read_cells = {self.read_cells!r} is not allowed for cell = {NO_CELL!r}, without cells.")
+            raise InputError(
+                f"read_cells = {self.read_cells!r} is not allowed for cell = {NO_CELL!r}: such a pad has no cells."
+            )
         self.build_finish()
         self.cell_numbers()
         terms, (times, values) = self.build_prony(), self.build_history()

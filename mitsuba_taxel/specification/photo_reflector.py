@@ -116,7 +116,8 @@ def _check_openings(name: str, package: Package) -> None:
         reach = abs(opening.centre[0]) + 0.5 * opening.extent[0]
         if opening.is_obround and reach > 0.5 * package.body[0] * (1 - 10 * _ROUNDING):
             raise InputError(
-                f"part = {name!r} is not allowed here: an obround window must not reach the edge of the body."
+                f"part = {name!r} is not allowed here: its obround window reaches the edge of the body; a smaller "
+                "window_width, or a window_x nearer to 0, is needed."
             )
 
 

@@ -87,7 +87,7 @@ def test_where_no_initial_design_can_be_read_others_are_tried(tmp_path):
     assert readable_starts(optimiser, [start]) == [start]
     hopeless = Optimiser(plan, Dark(), None)
     hopeless.designs.least = 1.0
-    with pytest.raises(ComputationError, match="the search cannot start: none of 13 designs can be read: no light"):
+    with pytest.raises(ComputationError, match="computed for any of 13 designs. The first one failed: no light"):
         readable_starts(hopeless, plan.initial_designs())
 
 

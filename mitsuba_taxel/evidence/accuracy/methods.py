@@ -211,7 +211,10 @@ def _variant(method: Method, scene: Scene, folder: Path) -> Scene:
             reflections -= 1  # Mitsuba counts edges of a path, from the LED to the first wall on
         root.remove(integrator_element)
     if reflections >= 0 and method.integrator == "analog_tracer":
-        raise InputError("it follows each ray to its end, and the scene's integrator limits the reflections.")
+        raise InputError(
+            "analog_tracer follows each ray to its end, but the scene's integrator limits the number of reflections: "
+            "remove its max_depth to compare."
+        )
     # Add the integrator of the method.
     integrator = ElementTree.Element("integrator", type=method.integrator)
     if method.integrator == "taxel_tracer":

@@ -124,7 +124,7 @@ def read_curve(
         strain, stress = -strain, -stress
     if len(lines) < LEAST_ROWS:
         rows = f"line {lines[0]} alone is" if len(lines) == 1 else f"{len(lines)} rows are"
-        raise InputError(f"{what}: {rows} not allowed: at least {LEAST_ROWS} rows of one loading are needed.")
+        raise InputError(f"{what}: {rows} not enough: at least {LEAST_ROWS} rows of the loading branch are needed.")
     if np.any(strain <= -1):
         line = lines[np.argmax(strain <= -1)]
         raise InputError(

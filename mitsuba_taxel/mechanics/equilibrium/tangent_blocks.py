@@ -227,7 +227,8 @@ def reflection(mirror: Mirror, image: np.ndarray, corners: int) -> sparse.csr_ar
 
 
 def tangent_blocks(pad: LoadedPad) -> list[TangentBlock]:
-    """The blocks of all displacements of a pad, first those with the symmetry of its state."""
+    """The diagonal blocks of the pad's tangent, one for each symmetry type of displacements. The block of displacements
+    with the symmetry of the pad's state is the first."""
     if len(pad.mirrors) < len(MIRRORS):
         mirrors = [mirror for mirror in MIRRORS if mirror in pad.mirrors]
         ways = [tuple(zip(mirrors, signs, strict=True)) for signs in product((1, -1), repeat=len(mirrors))]
@@ -355,7 +356,7 @@ def least_mode(block: TangentBlock, tangent: Linearised, converged: float) -> tu
             break
     else:
         raise ComputationError(
-            f"the least stiff mode of the pad was not found in {MOST_ITERATIONS} iterations: its smallest eigenvalues "
-            "are too close to each other."
+            f"the least stiff mode of the pad was not found in {MOST_ITERATIONS} iterations, because the smallest "
+            "eigenvalues are too close to each other: a slightly different load or mesh_size may separate them."
         )
     return tangent.stiffness(mode), mode

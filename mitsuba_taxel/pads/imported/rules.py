@@ -111,7 +111,8 @@ def read_rules(path: str | Path) -> tuple[Rule, ...]:
     tables = read_toml(f"regions = {path}", Path(path))
     rules = tables.pop("rule", [])
     if tables or not isinstance(rules, list) or not all(isinstance(rule, Mapping) for rule in rules):
-        raise InputError(f"regions = {path} is not allowed: only [[rule]] tables are allowed.")
+        other = ", ".join(tables) or "a rule that is no [[rule]] table"
+        raise InputError(f"regions = {path} is not allowed: it holds {other}; only [[rule]] tables are allowed.")
     return tuple(_rule(path, number, rule) for number, rule in enumerate(rules, start=1))
 
 

@@ -206,7 +206,7 @@ def _range(name: str, text: str) -> list[str]:
         raise InputError(f"{name} = {text!r} is endless: a step other than 0 is needed.")
     steps = (stop - start) / step
     if steps < 0:
-        raise InputError(f"{name} = {text!r} is empty: its step leads away from {stop}: change the sign of the step.")
+        raise InputError(f"{name} = {text!r} is empty: its step leads away from {stop}; change its sign.")
     if steps >= MOST_JOBS:
         raise InputError(f"{name} = {text!r} holds {steps + 1:.3g} values: at most {MOST_JOBS} are allowed.")
     if steps != int(steps):
