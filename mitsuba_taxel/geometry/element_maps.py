@@ -49,7 +49,8 @@ def map_determinants(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def curved_volume(mesh: VolumeMesh) -> float:
-    """Volume of a mesh, by a rule exact to degree 3, as the determinants of the maps of its elements are.
+    """Volume of a mesh. The quadrature rule is exact to degree 3, which is the degree of the Jacobian determinants of
+    quadratic tetrahedra; the volume is therefore exact.
 
     Parameters
     ----------

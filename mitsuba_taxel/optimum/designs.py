@@ -136,7 +136,8 @@ class DesignEvaluator:
         self._evaluated: dict[Design, DesignEvaluation] = {}
 
     def can_move(self, design: Design) -> bool:
-        """Whether the mesh of the design's ``origin`` can be moved to the pads of the design; else False."""
+        """Whether the mesh of the design's ``origin`` can be moved to the shape of the design's pads. A design without
+        pads has no mesh to move. See :class:`Design` for ``origin``."""
         if not (self._has_pads and pads_of(self._plan.scene(design.alone))):
             return False
         try:

@@ -119,7 +119,7 @@ class ReadingCase(TimedCase):
 
 
 def reading_cases() -> list[ReadingCase]:
-    """All cases, in the order of the table."""
+    """All cases whose readings are compared, in the order of the table."""
     return [case for kind in (_gaps, _windows, _walls, _little, _loads, _times, _sizes, _numbers) for case in kind()]
 
 

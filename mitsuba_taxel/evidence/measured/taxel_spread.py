@@ -21,8 +21,8 @@ class TaxelBand(NamedTuple):
     Attributes
     ----------
     own : dict[int, float]
-        Measured divided by computed sensitivity of each pressed taxel, from :func:`own_sensitivity`, by the number of
-        the taxel.
+        For the number of each pressed taxel, the ratio of its measured to its computed sensitivity, from
+        :func:`own_sensitivity`.
     spread : float
         Standard deviation of the logarithms of these ratios.
     moved : (5, 5) ndarray

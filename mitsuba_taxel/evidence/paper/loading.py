@@ -75,12 +75,24 @@ def settings_of(study: xr.Dataset) -> dict[str, Any]:
 
 
 def beyond(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
-    """Compute readings on the tangential load paths beyond the paper's limits, in steps of 1 N, up to the end of each
+    """Compute readings under tangential forces above the paper's limit, in steps of 1 N, up to the end of each load
     path.
 
-    Mesh and number of light paths are those of :func:`normal`, which is computed if missing; readings below the limits
-    may use a finer mesh and more paths. The attribute ``failures`` of each study gives the reason why its load path
-    ends; its first line is the first failure.
+    The mesh and the number of light paths are those of the study :func:`normal`, which is computed if missing. The
+    studies of smaller tangential forces, such as :func:`along_x`, may have a finer mesh and more light paths. The
+    attribute ``failures`` of each study gives the reason why its load path ends; its first line is the first failure.
+
+    Parameters
+    ----------
+    store : PaperStudies
+        Stored studies of the paper's sensor.
+    cell : str
+        Shape of the cells.
+
+    Returns
+    -------
+    dict[str, Dataset]
+        The loads at which the readings of all taxels could be computed, by the name of the load path.
     """
     settings = settings_of(normal(store, cell))
     forces = np.arange(paper.TANGENTIAL_LIMIT[cell], FURTHEST + 1)

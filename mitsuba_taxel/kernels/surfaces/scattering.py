@@ -33,7 +33,8 @@ class Scattering(Protocol):
     components: list[int]
 
     def sample(self, wi: mi.Vector3f, sample1: mi.Float, sample2: mi.Point2f, from_light: bool) -> Sample:
-        """Sample a direction by three uniform random numbers."""
+        """Sample a direction by three uniform random numbers; see :class:`Sample`. The direction ``wi`` points back
+        along the path. For ``from_light``, see the top of this module."""
 
     def eval_pdf(self, wi: mi.Vector3f, wo: mi.Vector3f, from_light: bool) -> tuple[mi.Float, mi.Float]:
         """Value f |cos(theta_o)| [1/sr] and density [1/sr] of a direction, both without delta components."""

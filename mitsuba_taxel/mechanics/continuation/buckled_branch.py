@@ -196,7 +196,7 @@ class BuckledBranch:
 
     @property
     def limit(self) -> float:
-        """Distance along the segment beyond which there is no state; infinite if unknown."""
+        """Distance along this segment of the load path beyond which there is no state; infinite if unknown."""
         if self.onwards:
             return self.solved_to + self.onwards.limit
         return self.load_at(self.curve.limit) if math.isfinite(self.curve.limit) else math.inf

@@ -66,7 +66,8 @@ class PathProblem:
     bodies : RigidBodies or None
         Bodies that the states may touch, if the load has ``self_contact``.
     step_tolerance : float
-        Step tolerance of the interpolation between nodes; see
+        Allowed root mean square error of displacements that are interpolated between two nodes of the path, relative
+        to the largest displacement; its default is
         :data:`~mitsuba_taxel.mechanics.continuation.load_segment.INTERPOLATION_TOLERANCE`.
     refinement : Refinement or None
         Refinement under an indenter: by default, elements there are never larger than those of a mesh of the default

@@ -23,11 +23,11 @@ SYMMETRIC = 1e-6
 
 
 def linearise(state: State) -> LinearisedState:
-    """Bring a state to equilibrium and factor its tangent, on the part between the mirrors of the state.
+    """Bring a state to equilibrium and factor its tangent, on the part between the planes of symmetry of the state.
 
-    Changes without the symmetry of the state need other factors, which are computed when first needed. A state between
-    two nodes of its path is interpolated, and takes an iteration or two of Newton's method; its derivatives are those
-    of the equilibrium, not of the interpolation.
+    Changes that do not have the symmetry of the state need further factors, which are computed when first needed. A
+    state between two nodes of its path is interpolated; one or two iterations of Newton's method bring it to
+    equilibrium. Its derivatives are those of the equilibrium, not of the interpolation.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ _ANALYSED: Recent[Any] = Recent("analysed patterns of matrices", 32)
 
 
 class Rslab:
-    """L D L^T by `rslab`; the pattern is analysed once."""
+    """Factorisation L D L^T by the package `rslab`. The sparsity pattern is analysed once, with the first matrix."""
 
     def __init__(self) -> None:
         self._symbolic: Any = None

@@ -502,7 +502,8 @@ class LoadedPad(MeshedPad):
     def is_stable(
         self, linearised: Linearised, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> bool:
-        """Check the stability of an equilibrium.
+        """Check that an equilibrium is stable against displacements with its symmetry. :meth:`refuse_unstable` checks
+        further displacements.
 
         Parameters
         ----------
@@ -518,7 +519,8 @@ class LoadedPad(MeshedPad):
         Returns
         -------
         bool
-            Whether stability was checked for displacements of the part.
+            True if the check was possible, and the equilibrium has passed it; False if the check is not possible, as
+            with friction.
 
         Raises
         ------

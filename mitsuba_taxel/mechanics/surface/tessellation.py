@@ -219,8 +219,7 @@ def chosen_cells(
     cells : Sequence[int] or None
         Numbers of the cells that are subdivided. See :func:`tessellate`.
     finish : Finish or SeparateFinish or None
-        Relief on the faces of the undeformed cells, subdivided as finely as it needs, that moves with the deformation:
-        see :class:`Relief` and :func:`tessellate`.
+        Relief on the walls of the cells, or None. A finish applies to all cells.
 
     Returns
     -------
@@ -230,7 +229,7 @@ def chosen_cells(
     Raises
     ------
     InputError
-        if a finish excludes a choice of cells, or the pad does not have one of them.
+        if cells are chosen although there is a finish, or if the pad does not have one of the cells.
     """
     if cells is None:
         return None

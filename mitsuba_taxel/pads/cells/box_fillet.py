@@ -12,8 +12,8 @@ from mitsuba_taxel.pads.cells.fillet import ARC_POINTS, LEAST, MOST, Fillet, ref
 
 @dataclass(frozen=True)
 class BoxFillet(Fillet):
-    """The rounded edges of a cuboid cell, around the roof and upright: the cell is the Minkowski sum of a smaller
-    cuboid and a ball.
+    """The rounded edges of a cuboid cell: those around the roof, and the upright ones. The cell is the Minkowski sum of
+    a smaller cuboid and a ball.
 
     Attributes
     ----------

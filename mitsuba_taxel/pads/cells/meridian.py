@@ -44,7 +44,7 @@ class Meridian:
     square, height : Callable
         r^2 and z as scipy's piecewise polynomials of s.
     power : int
-        Exponent of s = u^power: 2 from the axis, where r is then smooth in u; else 1.
+        Exponent in s = u^power: 2 if the curve begins on the axis, so that r is smooth in u there; otherwise 1.
     """
 
     square: PPoly

@@ -46,8 +46,8 @@ class CellPatches:
 
     @property
     def pattern(self) -> np.ndarray:
-        """Undeformed positions (F + G, 15, 3) in mm relative to the cell, rounded so that they are equal for cells that
-        differ by a translation only."""
+        """Undeformed positions (F + G, 15, 3) of the nodes of all patches, in mm relative to the cell. They are
+        rounded, so that they are equal for cells that differ by a translation only."""
         grain = ROUNDED * np.ptp(self.faces.pattern)
         package = np.round((self.package - self.faces.shift) / grain) * grain
         return self._with_package(self.faces.pattern, package) + 0.0  # no negative zeros
