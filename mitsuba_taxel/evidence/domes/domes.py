@@ -95,6 +95,8 @@ all other cell shapes.
 
 {table}
 
+- **N per cell**: force per cell in N. A single number is along z; three numbers are along x, y and z.
+- **reference [W/W]**: power of the reference, mean of all taxels, per watt that an LED emits.
 - **deviation**: relative deviation of the mean of all taxels from the reference. **noise**: standard error of the
   deviation.
 - **stated for the shape**: stated relative error due to the geometry and, under load, the mechanics.
@@ -102,7 +104,8 @@ all other cell shapes.
 
 ## Mirrors of other pads
 Each row is one hemispheric cell with a mirror roof. Readings on elements of the default size, and on elements of
-{larger:g} mm, are compared with a reading on elements of {smallest:g} mm.
+{larger:g} mm, are compared with a reading on elements of {smallest:g} mm. The column **stated** is the stated
+relative error at the default size.
 
 {pads}
 """
@@ -289,11 +292,12 @@ def pad_cells(row: PadRow) -> list[str]:
 
 
 def summary(rows: Sequence[DomeRow]) -> str:
-    """Summarise rows: the number of readings within twice their stated error and three times the noise, and the names
+    """Summarise rows: the number of readings within twice their stated error plus three times the noise, and the names
     of all other readings."""
     beyond = [row for row in rows if abs(row.deviation) > 2 * row.stated + 3 * row.noise]
     names = "; ".join(f"{row.cell}, {row.wall}, {row.cells} x {row.cells}, {_listed(row.load)} N" for row in beyond)
-    counted = f"{len(rows) - len(beyond)} of {len(rows)} readings are within twice the stated error and the noise"
+    within = f"{len(rows) - len(beyond)} of {len(rows)} readings are within"
+    counted = f"{within} twice the stated error plus three times the noise"
     return f"{counted}; beyond: {names}." if beyond else f"{counted}."
 
 
