@@ -81,7 +81,7 @@ def fit_relaxation(file: str | Path) -> RelaxationFit:
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         line = lines[back[0] + 1]
-        raise InputError(f"{what}, line {line}: time does not grow: rows in the order of time are needed.")
+        raise InputError(f"{what}, line {line}: time does not grow; rows in the order of time are needed.")
 
     # The stress is held from its largest value on.
     width = max(1, len(stress) // 50)
