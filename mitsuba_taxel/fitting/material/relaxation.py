@@ -89,7 +89,8 @@ def fit_relaxation(file: str | Path) -> RelaxationFit:
     notes = [f"{path.name}: {start} rows before the largest stress are left out"] if start else []
     time, stress, lines = time[start:] - time[start], stress[start:], lines[start:]
     if len(time) < LEAST_ROWS:
-        raise InputError(f"{what}: {len(time)} rows from line {lines[0]} on are too few: {LEAST_ROWS} are needed.")
+        rows = f"{len(time)} rows from line {lines[0]} on"
+        raise InputError(f"{what}: {rows} are too few: at least {LEAST_ROWS} are needed.")
     fits = [fit for fit in (_fit(time, stress, terms) for terms in range(1, MOST_TERMS + 1)) if fit is not None]
     if not fits:
         raise InputError(f"{what}, line {lines[0]}: the stress does not fall: a test at constant strain is needed.")
