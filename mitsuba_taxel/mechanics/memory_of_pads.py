@@ -13,6 +13,7 @@ from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.memory import free_memory
 from mitsuba_taxel.mechanics.meshes import is_meshed, pad_mesh
 from mitsuba_taxel.pads.any_pad import AnyPad
+from mitsuba_taxel.pads.parametric.meshing import check_room
 from mitsuba_taxel.pads.parametric.pad import Pad
 
 BYTES = 11e3
@@ -54,12 +55,15 @@ def refuse_too_large(
 
     Raises
     ------
+    InputError
+        if the mesh has more elements than are allowed.
     ComputationError
         if it does not fit; the message states a number of cells and an element size that would fit.
     """
     loaded = [(0.0, 0.0, -1.0)] if values is None else [value for value in values if np.any(value)]
     if not isinstance(pad, Pad) or not loaded or is_meshed(pad, mesh_size):
         return
+    check_room(pad, mesh_size)
     cells, free = pad.rows * pad.columns, free_memory()
     parts = min(symmetric_parts(pad, load, value) for value in loaded)
     guess = UNKNOWNS * max(1.0, pad.default_mesh_size / mesh_size) ** 3

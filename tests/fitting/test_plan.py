@@ -73,7 +73,7 @@ def test_times_of_the_data_have_their_unit(plan):
     [
         (HEAD, "a table [fit] with data and unknowns"),
         (HEAD.replace("data = ", "date = ") + UNKNOWNS, "a table [fit] with data and unknowns"),
-        (HEAD + UNKNOWNS, "an unknown gain"),
+        (HEAD + UNKNOWNS, "or gain, in V/W, as an unknown"),
         ("vary = { z = [1, 2] }\n" + HEAD + UNKNOWNS, "vary is not allowed"),
         (HEAD + "[fit.unknowns]\ngain = 1\nz = 0.5\n", "z is both unknown and given"),
         (HEAD + "[fit.unknowns]\ngain = 'a'\n", "unknown gain = 'a'"),

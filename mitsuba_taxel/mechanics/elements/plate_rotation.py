@@ -11,11 +11,12 @@ D. Camotim, Int. J. Solids Struct. 40, 2829, 2003; J. H. Argyris et al., Comput.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
+
+from mitsuba_taxel.base.caches import kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +139,7 @@ def rotation_vector(points: np.ndarray, displacement: np.ndarray) -> np.ndarray:
     return np.asarray(Rotation.from_matrix((left * signs) @ right).as_rotvec())
 
 
-@lru_cache(8)
+@kept(8)
 def rotation_derivatives(vector: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
     """First and second derivatives of the rotation matrix with respect to the rotation vector.
 
