@@ -11,7 +11,7 @@ import numpy as np
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.check.parts import PAD, SceneObject, SceneObjects, UndeformedPad
 from mitsuba_taxel.kernels.tables import RIGHT_ANGLE
-from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.mechanics.elements.loads import Load, PlateWrench
 from mitsuba_taxel.pads import Block, PadFile
 from mitsuba_taxel.parameters import Number, Parameter, Vector
 from mitsuba_taxel.specification import specifications
@@ -107,8 +107,19 @@ def _pull(quantity: str, value: np.ndarray) -> str:
 
 
 def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
-    """A message if an indenter does not touch the top of a pad anywhere on its path; empty otherwise."""
-    if load.moved_indenter is None or value[2] > 0 or isinstance(pad.pad, PadFile):
+    """A message if an indenter touches the top of a pad nowhere on its path, or a force acts beside a tilting plate;
+    empty otherwise."""
+    if isinstance(pad.pad, PadFile):
+        return ""
+    if isinstance(load, PlateWrench):
+        x, y = 0.5 * pad.pad.extent[0], 0.5 * pad.pad.extent[1]
+        if abs(load.x) <= x and abs(load.y) <= y:
+            return ""
+        return (
+            f"acts at load_x, load_y = {load.x:g}, {load.y:g} mm, outside of the plate, which ends at x = {x:g} and "
+            f"y = {y:g} mm"
+        )
+    if load.moved_indenter is None or value[2] > 0:
         return ""
     if isinstance(pad.pad, Block) and pad.pad.top_radius is not None:
         return ""  # a domed top
@@ -133,7 +144,7 @@ def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:
     if isinstance(pad.pad, PadFile):
         return ""
     x, y, z = pad.pad.extent
-    size = math.hypot(*value)
+    size = math.hypot(*value[:3])
     if quantity == "displacement":
         return f"is more than the height of the pad, {z:g} mm; if it is in µm, write it in mm" if size >= z else ""
     modulus = pad.material.youngs_modulus
@@ -144,7 +155,7 @@ def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:
     if strain > LARGEST_STRAIN:
         cause = f"{strain:.2g} times Young's modulus on its top, which no pad bears"
         return f"is {cause}; if it is in {smaller}, write it in {unit}"
-    if strain < SMALLEST_STRAIN:
+    if strain < SMALLEST_STRAIN and not value[3:].any():
         cause = f"{strain:.1g} of Young's modulus on its top, which changes no reading visibly"
         return f"is {cause}; if it is in {larger}, write it in {unit}"
     return ""

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
-from mitsuba_taxel.mechanics.elements.loads import Load
+from mitsuba_taxel.geometry.mirror import MIRRORS
+from mitsuba_taxel.mechanics.elements.loads import Load, PlateWrench, mirrored_value
 from mitsuba_taxel.mechanics.elements.memory import free_memory
 from mitsuba_taxel.mechanics.meshes import is_meshed, pad_mesh
 from mitsuba_taxel.pads.any_pad import AnyPad
@@ -112,10 +113,13 @@ def symmetric_parts(pad: Pad, load: Load, value: Sequence[float] | np.ndarray) -
         the load is off the centre along an axis or diagonal, or leans along one; else 1.
     """
     is_square = pad.rows == pad.columns
+    if isinstance(load, PlateWrench):
+        point, value = np.array([load.x, load.y, 0.0]), np.asarray(value, dtype=float)
+        mirrors = MIRRORS if is_square else MIRRORS[:2]
+        kept = [m for m in mirrors if m.side(point) == 0 and np.array_equal(mirrored_value(m, value), value)]
+        return {0: 1, 1: 2, 2: 4, 4: 8}[len(kept)]
     sideways = [(value[0], value[1])] if len(value) > 1 else []
     position = getattr(load.indenter or load, "at", None)
-    if load.tilts and any(value[3:]):
-        return 1 if value[5] else 2
     for x, y in [*sideways, *([] if position is None else [position])]:
         if x and y and not (is_square and abs(x) == abs(y)):
             return 1

@@ -384,8 +384,9 @@ class DeformablePad(Specification, Kinded):
         for row in filter(None, (words.split() for words in self.history.split(";"))):
             numbers = as_numbers(row)
             if numbers is None or len(numbers) != 1 + len(value):
-                needed = f"'time {'pressure' if len(value) == 1 else 'fx fy fz mx my mz'[: -8 * (len(value) == 3)]}'"
-                raise InputError(f"history row {' '.join(row)!r} is not allowed: finite numbers {needed} are needed.")
+                components = {1: "pressure", 3: "fx fy fz", 6: "fx fy fz mx my mz"}[len(value)]
+                needed = f"history row {' '.join(row)!r} is not allowed: finite numbers 'time {components}' are needed."
+                raise InputError(needed)
             # A first row of rest has no effect.
             if rows or any(numbers):
                 rows.append(numbers)

@@ -66,6 +66,14 @@ def test_other_loads(tmp_path, load, message):
     assert message is None or message in found[0].message
 
 
+@pytest.mark.parametrize(("x", "y", "beside"), [(20.0, 0.0, True), (0.0, -6.0, True), (1.0, 2.0, False)])
+def test_a_force_beside_a_tilting_plate(tmp_path, x, y, beside):
+    kind = parameter("load", "plate_wrench", "string") + parameter("load_x", x) + parameter("load_y", y)
+    found = check(tmp_path, change(PAD, IN_PAD, kind + parameter("moment", "0, 1e-9, 0", "vector")))
+    assert [finding.severity for finding in found] == ["warning"] * beside
+    assert not beside or f"load_x, load_y = {x:g}, {y:g} mm, outside of the plate" in found[0].message
+
+
 def test_a_photo_reflector_in_metres(tmp_path):
     """Each length is odd, and says what it would be in mm."""
     lengths = parameter("body", "0.00146, 0.00106, 0.0005", "vector") + parameter("spacing", 0.0009)

@@ -20,7 +20,7 @@ def test_several_scenes_are_shown_one_by_one(taxel, tmp_path):
     (tmp_path / "study.toml").write_text(STUDY)
     ended = taxel("sweep", "study.toml", "-o", "folder")
     assert ended.returncode == 0, ended.stderr
-    near, law = (ended.stdout.index(f"\n{name}:\n2 readings") for name in ("near", "law"))
+    near, law = (ended.stdout.index(f"\n{name}:\nPower over ") for name in ("near", "law"))
     assert near < law
     again = json.loads(taxel("sweep", "study.toml", "-o", "folder", "--json").stdout)
     assert {name: scene["sensitivity"] for name, scene in again["scenes"].items()} == {"near": [], "law": []}

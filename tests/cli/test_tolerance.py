@@ -23,7 +23,7 @@ def test_few_exact_samples(taxel, tmp_path):
     assert few.returncode == 0, few.stderr
     assert few.stdout.splitlines()[2].startswith("16 samples, 8 of them exact; spreads are")
     assert few.stdout.splitlines()[4].count("±") == 3  # nominal reading, mean, spread
-    assert "results come from the 8 exact samples alone; the other 8 add nothing" in few.stdout
+    assert "results come from the 8 exact samples alone; the other 8 samples add nothing" in few.stdout
     answer = json.loads(taxel("tolerance", "few.toml", "-o", "out", "--json").stdout)
     assert (answer["samples"], answer["exact"]) == (16, 8) and answer["spread"][0]["mean_error"] > 0
     whole = taxel("tolerance", "all.toml", "-o", "out").stdout

@@ -91,6 +91,8 @@ def end_of_path(
     hint = ""
     if touched and load.self_contact:
         hint = " The path may continue on smaller elements: try a smaller mesh_size."
+    elif load.tilts and (touched or folded_at):
+        hint = " Contact under a tilting plate is not modelled: a smaller load is needed."
     elif touched:
         hint = " With self_contact = true the path continues."
     elif folded_at:

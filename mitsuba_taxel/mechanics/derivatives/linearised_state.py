@@ -176,9 +176,11 @@ class LinearisedState:
         Raises
         ------
         InputError
-            if its shape differs, or it is not finite.
+            if its shape differs, it is not finite, or the plate tilts.
         """
         pad, direction = self._pad, array_of("direction", direction, (2,))
+        if pad.load.tilts:
+            raise InputError("derivatives by the point of the force on a tilting plate are not available.")
         if not pad.load.has_position:
             return np.zeros_like(self.displacement)
         if pad.load.moved_indenter is not None:

@@ -158,12 +158,17 @@ def _silicone_html(silicone: Silicone) -> str:
     return _material_html(silicone.material) + _line(f"Source: {silicone.source}.") + range_
 
 
+def _listed(numbers: Iterable[float]) -> str:
+    return ", ".join(f"{number:g}" for number in numbers)
+
+
 def _state_html(state: State) -> str:
     """Deformation of a pad, and its accuracy."""
     load = state.load
     largest = float(np.linalg.norm(state.displacement, axis=1).max())
     rows = [
-        (f"{load.quantity} [{load.unit}]", ", ".join(f"{component:g}" for component in state.value)),
+        (f"{load.quantity} [{load.unit}]", _listed(state.value[:3])),
+        *([("moment [N mm]", _listed(state.value[3:]))] if load.tilts else []),
         ("largest displacement [mm]", f"{largest:.5g}"),
         ("least volume ratio J", f"{state.min_jacobian:.4f}"),
         ("residual", f"{state.residual:.0e}"),
@@ -182,9 +187,10 @@ def _state_html(state: State) -> str:
 
 def _sensor_html(sensor: PadSensor) -> str:
     """A sensor: its pad, silicone, load and optical parts."""
-    package = sensor.photo_reflector.package
+    package, load = sensor.photo_reflector.package, sensor.load
+    moment = f", moment = ({_listed(sensor.force[3:])}) N mm" if load.tilts else ""
     components = {
-        "load": f"{type(sensor.load).__name__}, {sensor.load.quantity} = {tuple(sensor.force)} {sensor.load.unit}",
+        "load": f"{type(load).__name__}, {load.quantity} = ({_listed(sensor.force[:3])}) {load.unit}{moment}",
         "roof": sensor.roof,
         "side": sensor.side,
         "finish": "smooth" if sensor.finish is None else sensor.finish,

@@ -148,7 +148,7 @@ def _end_by_instability(
         instability = Instability(at(last + (1 - NEAR_END) * increase), along)
         if abs(instability.value - last - increase) <= 2 * NEAR_END * abs(increase):
             return FirstContact(instability.value, np.array([instability.rate(name) for name in names]), "")
-    except ComputationError:
+    except (ComputationError, InputError):  # under a tilting plate the mode of an instability is not modelled
         pass
     return FirstContact(last + increase, np.full(len(names), np.nan), "")
 

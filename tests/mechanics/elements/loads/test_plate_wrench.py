@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from mitsuba_taxel import Block
+from mitsuba_taxel import Block, Pad
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics import NeoHookean, PlateForce, PlateWrench, Viscoelastic, load_path, reactions
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
@@ -17,6 +17,7 @@ from mitsuba_taxel.mechanics.elements.nodal_forces import nodes_of
 from mitsuba_taxel.mechanics.elements.plate_rotation import rotation_derivatives, rotation_matrix, rotation_vector
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
 from mitsuba_taxel.mechanics.equilibrium.pad_parts import loaded_pad, mirror_images
+from mitsuba_taxel.mechanics.memory_of_pads import symmetric_parts
 from mitsuba_taxel.mechanics.meshes import pad_mesh
 
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
@@ -227,3 +228,25 @@ def test_what_is_not_modelled_is_refused(tilted):
         linearise(tilted).by_shape(np.zeros_like(tilted.displacement))
     with pytest.raises(InputError, match="six finite numbers are needed"):
         load_path(STUB, LAW, [(0, 0, -1)], load=PlateWrench())
+
+
+@pytest.mark.parametrize(
+    ("value", "point", "copies"),
+    [
+        ((0, 0, -1, 0, 0, 0), (0, 0), 8),
+        ((0, 0, -1, 1, 0, 0), (0, 0), 2),
+        ((0, 0, -1, 1, 2, 0), (0, 0), 1),
+        ((1, 0, -1, 0, 2, 0), (0, 0), 2),
+        ((1, 0, -1, 1, 0, 0), (0, 0), 1),
+        ((0, 0, -1, 0, 0, 0), (1, 0.5), 1),
+        ((0, 0, -1, 0, 0, 1), (0, 0), 1),
+    ],
+)
+def test_mirrors_keep_the_force_as_a_vector_and_the_moment_as_an_axial_vector(value, point, copies):
+    """The memory that a pad needs is estimated with these numbers of equal parts."""
+    assert symmetric_parts(Pad(), PlateWrench(x=point[0], y=point[1]), value) == copies
+
+
+def test_the_rate_by_the_point_of_the_force_is_refused(tilted):
+    with pytest.raises(InputError, match="point of the force on a tilting plate"):
+        linearise(tilted).by_place((1.0, 0.0))
