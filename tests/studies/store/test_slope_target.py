@@ -63,7 +63,7 @@ def test_derivatives_are_those_of_the_curve_and_characterise_uses_it():
 )
 def test_a_target_that_is_missed_names_the_largest_source(case, words):
     notes = [line for line in study_of(**case, target=0.01).attrs["notes"].splitlines() if "target slope" in line]
-    assert notes and words in notes[-1] and "largest slopes by fz: taxel" in notes[-1]
+    assert notes and words in notes[-1] and "largest slopes by fz: the error of taxel" in notes[-1]
     assert "light " in notes[-1] and "curve between the loads " in notes[-1]
 
 
