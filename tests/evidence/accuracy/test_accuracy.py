@@ -204,7 +204,7 @@ def test_all_methods_follow_as_many_reflections(write, tmp_path, agree, limit):
     expected = measure(scene, points=1024, mechanics_error=False)
     agree(mean[TRACER], error[TRACER], expected.power, expected.standard_error, replicates=8)
     if limit:
-        with pytest.raises(InputError, match="limits the reflections"):
+        with pytest.raises(InputError, match="limits the number of reflections"):
             estimator(ANALOG, scene, elsewhere, 0.0)
 
 
