@@ -24,9 +24,9 @@ TOGETHER = {
         "shape_sensitivities", "touching_under_indenters", "wrench",
     },
     "optimum": {"thin_roof"},
-    "pads": {"file_meshing"},
+    "pads": {"blunt_edges", "file_meshing"},
     "plugins": {"led_on_rectangle"},
-    "sensing": {"finish"},
+    "sensing": {"finish", "touch_maps"},
 }  # fmt: skip
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""
 
