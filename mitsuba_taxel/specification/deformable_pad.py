@@ -384,9 +384,9 @@ class DeformablePad(Specification, Kinded):
         for row in filter(None, (words.split() for words in self.history.split(";"))):
             numbers = as_numbers(row)
             if numbers is None or len(numbers) != 1 + len(value):
-                components = {1: "pressure", 3: "fx fy fz", 6: "fx fy fz mx my mz"}[len(value)]
-                needed = f"history row {' '.join(row)!r} is not allowed: finite numbers 'time {components}' are needed."
-                raise InputError(needed)
+                needed = {1: "pressure", 3: "x y z", 6: "fx fy fz mx my mz"}[len(value)]
+                words = f"history row {' '.join(row)!r} is not allowed: finite numbers"
+                raise InputError(f"{words} 'time {needed}' are needed.")
             # A first row of rest has no effect.
             if rows or any(numbers):
                 rows.append(numbers)

@@ -169,7 +169,7 @@ def _write_step(pad: Pad, file: Path) -> None:
 
 def coverage_cases() -> list[CoverageCase]:
     """All settings, in the order of the table."""
-    groups = (_one_cell, _loads, _four_cells, _files, _ten_cells, _other_kinds, _rounded, _touched)
+    groups = (_one_cell, _loads, _four_cells, _files, _ten_cells, _other_kinds, _rounded, _blunt, _touched)
     return [case for group in groups for case in group()]
 
 
@@ -242,6 +242,23 @@ def _rounded() -> Iterator[CoverageCase]:
             continue
         name = f"{cell}, 1 x 1, wall {wall:g} mm, fillet {fillet:g} mm, {across:g} N along x at {-down:g} N"
         yield CoverageCase(name, PadSensor(pad, force=(across, 0.0, -down)))
+
+
+def _blunt() -> Iterator[CoverageCase]:
+    """Settings for all registered cell shapes whose mouths can be rounded, together with the outside of the pad and, if
+    the shape allows it, the edges of the cell; radii, wall thickness and load are random."""
+    for cell in CellShape.kinds():
+        random = generator(SEED, f"blunt {cell}")
+        wall, down = round(random.uniform(0.5, 1.0), 2), round(random.uniform(0.4, 1.0), 2)
+        mouth, outer = (round(random.uniform(0.1, 0.3), 2) for _ in range(2))
+        for fillet in (mouth, 0.0):
+            try:
+                pad = pad_of(cell, rows=1, columns=1, wall=wall, fillet=fillet, mouth_fillet=mouth, outer_fillet=outer)
+            except InputError:  # no edge between roof and side, or no mouth that can be rounded
+                continue
+            name = f"{cell}, 1 x 1, wall {wall:g} mm, mouth rounded by {mouth:g}, outside by {outer:g} mm, {-down:g} N"
+            yield CoverageCase(name, PadSensor(pad, force=(0.0, 0.0, -down)))
+            break
 
 
 def _touched() -> Iterator[CoverageCase]:

@@ -20,12 +20,12 @@ from mitsuba_taxel.pads import Pad
 PAD = Pad("hemispheric", rows=1, columns=1)
 LOAD = PlateWrench(x=0.5)
 MATERIAL = NeoHookean(poisson_ratio=0.3)
-"""Compressible, as the program's element has displacements alone."""
+"""Compressible, as the element of CalculiX has displacements alone."""
 MESH_SIZES = (1.6, 1.25)
 WRENCHES = {"small": (0.0, 0.0, -0.5, 0.0, 0.8, 0.0), "large": (0.3, 0.2, -4.0, 3.0, 4.0, 2.0)}
 """Forces in N and moments in N mm."""
 INCREMENTS = {"small": 1.0, "large": 0.25}
-"""Fractions of the load in the program's increments."""
+"""Increments of CalculiX, as fractions of the load."""
 COLUMNS = (
     "mesh size", "tilt", "degrees", "ccx degrees", "rotation difference", "rms difference", "force difference",
     "moment difference", "ccx seconds",
@@ -56,8 +56,8 @@ def table(mesh_sizes: Sequence[float], tilts: Sequence[str]) -> Iterator[tuple[o
 def row_of(mesh_size: float, tilt: str) -> tuple[object, ...]:
     """The row of the table for a mesh size in mm and a tilt.
 
-    The program is given the force and the moment, and then the motion of our plate. Differences of force and moment are
-    those of the board's reactions to the same motion.
+    CalculiX solves the pad under the force and the moment, and then under the motion of our plate. Differences of force
+    and moment are those of the board's reactions to the same motion.
     """
     wrench, increment = np.array(WRENCHES[tilt]), INCREMENTS[tilt]
     (state,) = load_path(PAD, MATERIAL, wrench[None], load=LOAD, mesh_size=mesh_size)

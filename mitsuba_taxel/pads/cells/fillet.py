@@ -81,7 +81,9 @@ class Fillet(ABC):
         """
 
 
-def refused(radius: float, size: float, largest: float) -> InputError:
+def refused(
+    radius: float, size: float, largest: float, name: str = "fillet", beside: str = "half the roof and of the side"
+) -> InputError:
     """The error for a radius that is not allowed.
 
     Parameters
@@ -92,6 +94,10 @@ def refused(radius: float, size: float, largest: float) -> InputError:
         Width of the mouth, mm.
     largest : float
         Largest allowed radius, mm.
+    name : str
+        Name of the parameter.
+    beside : str
+        What limits the radius, in words.
 
     Returns
     -------
@@ -101,6 +107,6 @@ def refused(radius: float, size: float, largest: float) -> InputError:
     digits = 3 - math.ceil(math.log10(largest))
     largest = math.floor(largest * (1 + 1e-9) * 10.0**digits) / 10.0**digits
     return InputError(
-        f"fillet = {radius:g} is not allowed: 0 for sharp edges, or {LEAST * size:.3g} to {largest:g} mm is needed, "
-        f"{LEAST:.0%} of cell_size to {MOST:.0%} of half the roof and of the side."
+        f"{name} = {radius:g} is not allowed: 0 for sharp edges, or {LEAST * size:.3g} to {largest:g} mm is needed, "
+        f"{LEAST:.0%} of cell_size to {MOST:.0%} of {beside}."
     )

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.pads.cells.fillet import ARC_POINTS, LEAST, MOST
+from mitsuba_taxel.pads.cells.fillet import ARC_POINTS, LEAST, MOST, refused
 
 ROUND_MOUTH = "mouth"
 """Name of the rounded faces of solids at mouths."""
@@ -228,12 +227,8 @@ def mouth(
         if the fillet is too small or does not fit.
     """
     unit = Mouth(half, 1.0, slope, corner, straight, beside)
-    least, largest = LEAST * 2 * half, MOST * min(beside / unit.width, straight / unit.height)
-    if not least <= radius <= largest:
-        digits = 3 - math.ceil(math.log10(largest))
-        shown = math.floor(largest * (1 + 1e-9) * 10.0**digits) / 10.0**digits
-        raise InputError(
-            f"{name} = {radius:g} is not allowed: 0 for a sharp edge, or {least:.3g} to {shown:g} mm is needed, "
-            f"{LEAST:.0%} of cell_size to {MOST:.0%} of the silicone beside the mouth and of the straight side."
-        )
+    largest = MOST * min(beside / unit.width, straight / unit.height)
+    if not LEAST * 2 * half <= radius <= largest:
+        limits = "the silicone beside the mouth and of the straight side"
+        raise refused(radius, 2 * half, largest, name, limits)
     return Mouth(half, radius, slope, corner, straight, beside)

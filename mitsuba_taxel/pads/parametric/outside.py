@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.pads.cells.fillet import LEAST, MOST
+from mitsuba_taxel.pads.cells.fillet import LEAST, MOST, refused
 
 ROUND_OUTSIDE = "outer_edge"
 """Name of the rounded faces of the outside of solids."""
@@ -115,12 +113,7 @@ def outside(extent: tuple[float, float, float], radius: float, wall: float, cell
     InputError
         if the fillets are too small or do not fit.
     """
-    least, largest = LEAST * cell_size, MOST * min(wall, 0.5 * extent[2])
-    if not least <= radius <= largest:
-        digits = 3 - math.ceil(math.log10(largest))
-        shown = math.floor(largest * (1 + 1e-9) * 10.0**digits) / 10.0**digits
-        raise InputError(
-            f"outer_fillet = {radius:g} is not allowed: 0 for sharp edges, or {least:.3g} to {shown:g} mm is needed, "
-            f"{LEAST:.0%} of cell_size to {MOST:.0%} of the wall and of half the height."
-        )
+    largest = MOST * min(wall, 0.5 * extent[2])
+    if not LEAST * cell_size <= radius <= largest:
+        raise refused(radius, cell_size, largest, "outer_fillet", "the wall and of half the height")
     return Outside(extent, radius)

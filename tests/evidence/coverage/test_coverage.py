@@ -50,6 +50,13 @@ def test_every_shape_that_can_be_rounded_has_a_fillet_in_the_table():
     assert {pad.cell for pad in pads if pad.fillet} == set(CellShape.kinds()) - {"hemispheric", "profile"}
 
 
+def test_every_shape_has_a_rounded_mouth_in_the_table():
+    pads = [case.sensor.pad for case in coverage_cases.coverage_cases()]
+    blunt = [pad for pad in pads if pad.mouth_fillet]
+    assert {pad.cell for pad in blunt} == set(CellShape.kinds())
+    assert all(pad.outer_fillet for pad in blunt)
+
+
 def test_pads_of_files_are_those_of_the_file(llvm_mono, tmp_path):
     case = next(case for case in coverage_cases.coverage_cases() if case.file_format == ".stl")
     (pad,) = deformed_pads(case._from_file(tmp_path).load())
