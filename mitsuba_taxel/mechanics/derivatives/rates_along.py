@@ -50,7 +50,7 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
         as :func:`linearise` does.
     """
     if not (len(states) and is_row(states, lambda state: isinstance(state, State))):
-        raise refusal("states", states, "a sequence of States, as load_path returns them,")
+        raise refusal("states", states, "a sequence of at least one State, as load_path returns them, is needed")
     positions = _along(np.array([state.value for state in states]))
     answers: dict[int, np.ndarray] = {}
     while len(answers) < len(np.unique(positions)):

@@ -62,7 +62,8 @@ def test_what_is_nothing_at_rest_is_not_taken_for_nothing(asked):
 
 
 @pytest.mark.parametrize(
-    ("values", "message"), [([(0, 0, -0.2), (0.1, 0, -0.2), (0.1, 0.1, -0.2)], "straight"), ([], "row of States")]
+    ("values", "message"),
+    [([(0, 0, -0.2), (0.1, 0, -0.2), (0.1, 0.1, -0.2)], "straight"), ([], "sequence of at least one State")],
 )
 def test_other_states_are_refused(values, message):
     with pytest.raises(InputError, match=message):
