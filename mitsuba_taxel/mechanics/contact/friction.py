@@ -37,7 +37,7 @@ class FrictionState(NamedTuple):
 
 
 class Friction:
-    """Friction at the nodes of an indenter's contact faces.
+    """Friction of a rigid indenter at the nodes of the faces that it may touch.
 
     Parameters
     ----------

@@ -154,7 +154,9 @@ class Indentation:
         return at_nodes.reshape(-1, 3)
 
     def at_nodes(self, nodal: np.ndarray) -> np.ndarray:
-        """Values (m, 3) at the pressures, from an array of :meth:`nodal`; zeros for an empty array."""
+        """Select, from an array of :meth:`nodal` over all nodes, the values (m, 3) at nodes with a contact pressure;
+        zeros for an empty array.
+        """
         if not len(nodal):
             return np.zeros((len(self.node), 3))
         return nodal.reshape(2, -1, 3)[self.outside, self.node]

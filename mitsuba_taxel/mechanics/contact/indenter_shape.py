@@ -121,7 +121,7 @@ class IndenterShape(Kind, family="indenter"):
 
     @abstractmethod
     def keeps(self, mirror: Mirror) -> bool:
-        """Whether the body at its start is symmetric in a mirror of the pad.
+        """Whether the body at its start position is symmetric in a plane of symmetry (mirror) of the pad.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def pressure_length(self, depth: float) -> float:
-        """Length over which the contact pressure changes where its gradient is largest.
+        """Length in mm over which the contact pressure changes where its gradient is largest.
 
         Parameters
         ----------
@@ -249,7 +249,9 @@ class IndenterShape(Kind, family="indenter"):
     @property
     @abstractmethod
     def size_text(self) -> str:
-        """The parameter that determines the size of the body, with its value, for messages: "indenter_radius = 2"."""
+        """The parameter that determines the size of the body, with its value, as text for messages, such as
+        "indenter_radius = 2".
+        """
 
     @abstractmethod
     def own_surface(self, reach: float) -> tuple[np.ndarray, np.ndarray]:

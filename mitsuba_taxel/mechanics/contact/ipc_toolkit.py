@@ -9,7 +9,7 @@ from mitsuba_taxel.base.errors import InputError
 
 
 def require_ipctk() -> None:
-    """Raise unless `ipctk` is installed; it is not imported.
+    """Raise unless the package `ipctk` is installed, without importing it.
 
     Raises
     ------
@@ -23,7 +23,8 @@ def require_ipctk() -> None:
 
 
 def ipctk_of_one_thread() -> Any:
-    """The package `ipctk` with one thread, as the order of sums of several threads varies, and with it the last bits.
+    """Import the package `ipctk` and limit it to one thread: with several threads, the order of sums varies, and with
+    it the last bits.
 
     Returns
     -------

@@ -68,7 +68,7 @@ class Resolution(NamedTuple):
 
     @property
     def suffices(self) -> bool:
-        """Whether elements are small enough for a force on the body that is right to about 8 %."""
+        """Whether elements are small enough for the force on the body to be right within about 8 %."""
         return self.depth <= self.deepest and self.size <= LARGEST
 
 

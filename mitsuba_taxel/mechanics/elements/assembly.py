@@ -77,7 +77,7 @@ class Assembly:
 
     @cached_property
     def sparsity(self) -> Sparsity:
-        """Pattern of the sum of element matrices, before constraints."""
+        """Pattern of the non-zero entries of the sum of element matrices, before constraints."""
         if self._like:
             return self._like.sparsity
         nodes, corners, count = self.elements.nodes, self.elements.corners, self._nodes
@@ -212,8 +212,10 @@ class _RotationPattern(_Pattern):
         self._all_indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
     def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
-        """The matrix with K J in the columns of the rotation and J^T K J + G in its block, where K is that of free
-        nodes, J the rates of nodes by the rotation, and G the stiffness of forces that turn."""
+        """The matrix of a pad under a plate that rotates: with K J in the columns of the rotation and J^T K J + G in
+        its block, where K is that of free nodes, J the rates of nodes by the rotation, and G the stiffness of forces
+        that turn.
+        """
         elements, rates, geometric = np.split(entries, [self._count, len(entries) - 9])
         spread, number = self._rotation.spread, self._numbering
         rates = rates.reshape(-1, 3) @ spread

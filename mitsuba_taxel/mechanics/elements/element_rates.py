@@ -51,7 +51,7 @@ class _Chunk:
 
 
 class StrainedElements:
-    """Elements at a displacement (N, 3) and pressure (corners,) at which none is inverted."""
+    """Elements at a displacement (N, 3) and pressure (corners,) of their nodes; no element is inverted there."""
 
     def __init__(self, elements: Elements, displacement: np.ndarray, pressure: np.ndarray) -> None:
         self._elements = elements
@@ -72,7 +72,7 @@ class StrainedElements:
         self._chunks = in_turns(chunk_at, len(elements.nodes))
 
     def of(self, material: Material) -> Forces:
-        """Forces and volumes of all elements if they had another material."""
+        """Internal forces and volumes of all elements if the pad were of another material, at the same displacement."""
 
         def forces(chunk: _Chunk) -> Forces:
             stress, excess = chunk.stress(material)
@@ -81,8 +81,9 @@ class StrainedElements:
         return _joined([forces(chunk) for chunk in self._chunks])
 
     def rates(self, velocity: np.ndarray) -> Forces:
-        """Rates of forces and volumes while the undeformed nodes move with a velocity (N, 3), at constant
-        displacements."""
+        """Rates of internal forces and volumes while the undeformed nodes move with a velocity (N, 3), at constant
+        displacements.
+        """
 
         def rate(chunk: _Chunk) -> Forces:
             velocity_gradient = self._elements.gradient(chunk.here, velocity)

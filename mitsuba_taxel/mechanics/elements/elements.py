@@ -47,7 +47,8 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 @dataclass(frozen=True)
 class Matrices:
-    """Element tangents, as arguments of :meth:`Sparsity.summed`."""
+    """Matrices of all elements, as arguments of :meth:`Sparsity.summed`: the derivatives of their forces and volumes.
+    """
 
     blocks: np.ndarray
     mixed: np.ndarray
@@ -67,7 +68,7 @@ class ElementState:
 
 @dataclass(frozen=True)
 class SmallStrain:
-    """Small-strain response at the quadrature points where the law is linear.
+    """Small-strain response at those quadrature points (near sharp corners) where the material law is linear.
 
     Attributes
     ----------
@@ -82,7 +83,7 @@ class SmallStrain:
 
     @property
     def growth(self) -> np.ndarray:
-        """Relative change (n,) of volume."""
+        """Relative change (n,) of volume in small strain: the trace of the displacement gradient."""
         return np.trace(self.gradient, axis1=1, axis2=2)
 
     def stress(self, shear_modulus: float) -> np.ndarray:

@@ -36,7 +36,7 @@ class StressUpdate:
     part: SymmetricPart
 
     def on(self, part: SymmetricPart, whole: VolumeMesh) -> StressUpdate:
-        """The stress update on another part of the whole mesh."""
+        """The stress update, for another symmetric part of the same mesh."""
         if part is self.part:
             return self
         return StressUpdate(self.factor, expand_stress(self.offset, self.part, whole)[part.elements], part)
@@ -107,7 +107,7 @@ class InternalVariables:
     def after(
         self, material: Viscoelastic, step: float, stress: np.ndarray, growth: Growth | None = None
     ) -> InternalVariables:
-        """The variables at the end of the next step.
+        """The internal variables at the end of the next time step.
 
         Parameters
         ----------
@@ -149,7 +149,9 @@ class InternalVariables:
         return self.rate / growth.rate(0.0)
 
     def mid_stress(self, stress: np.ndarray, growth: Growth) -> np.ndarray:
-        """S (m, q, 6) in MPa in the middle of a growth, on the parabola that ends with a ``stress``."""
+        """Stress S (m, q, 6) of the law in MPa in the middle of a step, on the parabola in ``growth`` that ends with a
+        ``stress``.
+        """
         return self.stress + 0.25 * (stress - self.stress + self._initial_change(growth))
 
     def rate_by_duration(self, material: Viscoelastic, growth: Growth, stress: np.ndarray) -> np.ndarray:
@@ -184,7 +186,7 @@ class InternalVariables:
         return _scaled(material.shares * (cube - square), cubic)
 
     def with_error(self, error: np.ndarray) -> InternalVariables:
-        """The variables with an ``error`` (k, m, q, 6) of the terms added."""
+        """The same variables, with an ``error`` (k, m, q, 6) added to that of the terms' stresses."""
         return replace(self, error=self.error + error)
 
     def with_law_error(
@@ -204,7 +206,9 @@ class InternalVariables:
         return self.term_stress.sum(axis=0) - float(material.shares.sum()) * self.stress
 
     def on(self, part: SymmetricPart, whole: VolumeMesh, own: SymmetricPart) -> InternalVariables:
-        """The variables on another part of the whole mesh; ``own`` is the part of these variables."""
+        """The internal variables for another symmetric part of the same mesh; ``own`` is the part for which they are
+        given.
+        """
         if part is own:
             return self
 

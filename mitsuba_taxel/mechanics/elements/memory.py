@@ -16,7 +16,7 @@ _PROCESS, _MACHINE, _GROUP = Path("/proc/self/status"), Path("/proc/meminfo"), P
 
 
 def require_memory(size: float, purpose: str) -> None:
-    """Raise MemoryError if ``size`` bytes plus `ROOM` exceed the free memory."""
+    """Raise MemoryError if an array of ``size`` bytes, and a reserve of `ROOM` bytes, exceed the free memory."""
     free = free_memory()
     if size + ROOM > free:
         raise MemoryError(f"{purpose} takes {(size + ROOM) / 1e9:.2g} GB, and {free / 1e9:.2g} GB are free")
@@ -72,7 +72,7 @@ def _free_by_group() -> float:
 
 @contextmanager
 def memory_for(purpose: str) -> Iterator[None]:
-    """Turn a lack of memory into a ComputationError that names the purpose."""
+    """Turn a lack of memory within the block into a ComputationError that names the purpose."""
     try:
         yield
     except (MemoryError, RuntimeError) as error:

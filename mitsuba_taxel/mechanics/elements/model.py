@@ -174,7 +174,7 @@ class Model:
         return LoadConstraints(rows, np.zeros(len(driven_unknowns)))
 
     def pressed(self, contact_state: ContactState) -> np.ndarray:
-        """Numbers of the positive pressures among those of :attr:`may_press`."""
+        """Numbers of the contact pressures that are positive, among those of :attr:`may_press`."""
         return np.flatnonzero((contact_state.pressure > 0) & self.may_press)
 
     @cached_property

@@ -49,13 +49,14 @@ class PlateRotation:
     def of(
         cls, nodes: np.ndarray, arms: np.ndarray, size: float, unknown: np.ndarray, sign: np.ndarray
     ) -> PlateRotation:
-        """The rotation whose components have these unknowns (3,), -1 where they are 0, and factors (3,)."""
+        """The rotation of a plate whose components are the given unknowns (3,), -1 where they are 0, with factors (3,).
+        """
         unknowns = np.unique(unknown[unknown >= 0])
         return cls(nodes, arms, size, unknowns, sign[:, None] * (unknown[:, None] == unknowns))
 
     @property
     def over_unknowns(self) -> np.ndarray:
-        """Unknowns of the rotation (k, 3) from turns that its constraints allow."""
+        """Matrix (k, 3) from turns of the plate (rotation vector times its size) to the unknowns of the rotation."""
         return self.spread.T / np.maximum(np.abs(self.spread).sum(axis=0), 1)[:, None]
 
     def turns_of(self, unknowns: np.ndarray) -> np.ndarray:

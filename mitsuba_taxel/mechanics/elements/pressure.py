@@ -25,7 +25,7 @@ _VALUES, (_BY_XI, _BY_ETA) = shape_functions(_BARYCENTRIC), shape_slopes(_BARYCE
 
 
 def wet_faces(mesh: VolumeMesh) -> np.ndarray:
-    """Nodes (B, 6) of the faces that the pressure acts on: top and outside."""
+    """Nodes (B, 6) of the B faces on which the pressure acts: top and outside."""
     return np.concatenate([mesh.faces[mesh.face_region == REGIONS[name]] for name in ("top", "outer")])
 
 

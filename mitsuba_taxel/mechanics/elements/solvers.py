@@ -44,19 +44,19 @@ pivots would cause."""
 
 
 class Factorisation(Protocol):
-    """A factored matrix."""
+    """A factored matrix A, with which linear equations A x = b are solved."""
 
     negative_pivots: int
     """Number of negative eigenvalues."""
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
-        """Solution for one right-hand side (n,)."""
+        """Solution x (n,) of A x = ``rhs`` for one right-hand side (n,)."""
 
     def solve_roughly(self, rhs: np.ndarray) -> np.ndarray:
-        """Solution to a few digits, for use within an iteration."""
+        """Solution of A x = ``rhs`` to a few digits, for use within an iteration."""
 
     def solve_many(self, rhs: np.ndarray) -> np.ndarray:
-        """Solutions (n, k) for the k columns of ``rhs`` (n, k)."""
+        """Solutions (n, k) of A x = b for the k columns b of ``rhs`` (n, k)."""
 
 
 class Solver(Protocol):

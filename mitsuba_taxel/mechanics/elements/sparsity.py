@@ -94,16 +94,16 @@ class _Merged:
 
     @property
     def pairs(self) -> tuple[np.ndarray, ...]:
-        """First and second number of each group, in 32 bits, which halves the memory of large patterns."""
+        """First and second number of each pair of equal keys, in 32 bits, which halves the memory of large patterns."""
         return tuple(numbers.astype(np.int32) for numbers in np.divmod(self.keys, self._size))
 
     def summed(self, values: np.ndarray, size: int) -> np.ndarray:
-        """Flattened sums of blocks of ``size`` values with equal keys."""
+        """Sums of blocks of ``size`` values that have equal keys, as a flat array."""
         return (self._sum @ values.reshape(-1, size)).ravel()
 
 
 def equal_pairs(first: np.ndarray, second: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The distinct pairs of two arrays of numbers, by counting, which takes a third of the time of sorting.
+    """The distinct pairs of two arrays of whole numbers, by counting, which takes a third of the time of sorting.
 
     Parameters
     ----------

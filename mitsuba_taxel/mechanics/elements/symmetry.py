@@ -136,12 +136,12 @@ class SymmetricPart:
 
     @property
     def mirrors(self) -> int:
-        """Number of mirrors of the group."""
+        """Number of mirrors whose reflections define the symmetry of the part."""
         return len(self.group)
 
     @property
     def copies(self) -> int:
-        """Number of images of the part in the whole."""
+        """Number of mirror images of the part that make up the whole pad, itself included."""
         return {0: 1, 1: 2, 2: 4, 4: 8}[self.mirrors]
 
     @cached_property
@@ -209,7 +209,7 @@ def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
 
 
 def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror], dict[Mirror, int]]]:
-    """The blocks of the tangent except that of symmetric states.
+    """Blocks of the tangent for displacements without the symmetry of the state; each must be checked for stability.
 
     The fifth block of a square pad, that of the two-dimensional representation, needs the part between two mirrors.
 

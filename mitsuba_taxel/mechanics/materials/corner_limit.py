@@ -55,7 +55,9 @@ def _uniaxial(stretch: float, material: Material) -> tuple[np.ndarray, float, fl
     from scipy.optimize import brentq
 
     def state(across: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """Deformation gradient, stress of the law, and the pressure that leaves no stress along x."""
+        """The state of uniaxial compression with a given stretch ``across``: deformation gradient, stress of the law,
+        and the pressure that leaves no stress along x.
+        """
         gradient = np.diag([across, across, stretch])
         stress = material.stress(*_with_inverse(gradient))
         return gradient, stress, float(-stress[0, 0] / (gradient[1, 1] * gradient[2, 2]))

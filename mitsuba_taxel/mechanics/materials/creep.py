@@ -75,12 +75,12 @@ class CreepResponse:
         return cls(1 / remaining, rates, -amplitudes, creeps)
 
     def at_rest(self, components: int) -> np.ndarray:
-        """Memory (k, C), here 0, of a load of C components that was always 0. For each of k rates l, the memory of a
-        load F is the integral of exp(-l (t - s)) dF(s)."""
+        """Memory (k, C) of a load of C components that was always 0: zeros, one row for each of the k exponentials."""
         return np.zeros((len(self.rates), components))
 
     def after(self, memory: np.ndarray, change: np.ndarray, duration: float) -> np.ndarray:
-        """Memory (k, C) after the load has changed linearly by ``change`` (C,) in ``duration`` s; 0 s is a jump."""
+        """Memory (k, C) of the load after it has changed linearly by ``change`` (C,) in ``duration`` s; 0 s is a jump.
+        """
         x = (self.rates * duration)[:, None]
         return np.exp(-x) * memory + np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0) * change
 
@@ -112,7 +112,7 @@ class CreepResponse:
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """A measure of time that grows from 0 to 1 within a step of a ``duration`` in s.
+    """A measure of time that grows from 0 to 1 within a time step of a ``duration`` in s.
 
     Its rate is ``steady`` plus the sum of ``amplitudes`` exp(-``rates`` t), in 1/s.
     """
@@ -132,24 +132,26 @@ class Growth:
         return self.steady + np.exp(-np.multiply.outer(time, self.rates)) @ self.amplitudes
 
     def at(self, time: float | np.ndarray) -> np.ndarray:
-        """Value from 0 to 1 at times in s since the start of the step."""
+        """Value of the measure, from 0 to 1, at times in s since the start of the step."""
         grown = -np.expm1(-np.multiply.outer(time, self.rates)) @ (self.amplitudes / self.rates)
         return np.multiply(time, self.steady) + grown
 
     @property
     def ends(self) -> bool:
-        """Whether the rate vanishes at the end of the step, within the resolution of numbers."""
+        """Whether the measure stops growing at the end of the step: its rate there is 0 within the precision of
+        numbers.
+        """
         return bool(self.rate(self.duration) * self.duration < LEAST_END)
 
     def time_at(self, fraction: float) -> float:
-        """Time in s at which a monotonic growth has the value ``fraction``, by bisection."""
+        """Time in s at which the measure, if it grows throughout, has the value ``fraction``, by bisection."""
         low, high = 0.0, self.duration
         while low < (time := 0.5 * (low + high)) < high:
             low, high = (time, high) if self.at(time) < fraction else (low, time)
         return time
 
     def until(self, time: float) -> Growth:
-        """The growth over the start of the step, until a ``time`` in s, scaled to 1 there."""
+        """The measure over the start of the step only, until a ``time`` in s, scaled to 1 there."""
         fraction = float(self.at(time))
         return Growth(time, self.steady / fraction, self.amplitudes / fraction, self.rates)
 

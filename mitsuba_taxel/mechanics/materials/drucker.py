@@ -27,7 +27,7 @@ _PLANE = np.array([[1, -1, 0], [1, 1, -2]]) / np.sqrt([[2], [6]])
 
 
 class Law(Protocol):
-    """Interface of a law: its isochoric stress and tangent, as in `Material`."""
+    """Interface of a material law: its isochoric stress and tangent, as in `Material`."""
 
     def stress(self, gradient: np.ndarray, determinant: np.ndarray, inverse_transpose: np.ndarray) -> np.ndarray: ...
 

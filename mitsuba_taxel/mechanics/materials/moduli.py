@@ -49,7 +49,7 @@ class Moduli:
     outer: np.ndarray | None = field(default=None)
 
     def dense(self) -> np.ndarray:
-        """All components, (..., 3, 3, 3, 3)."""
+        """All 81 components of the moduli as an array (..., 3, 3, 3, 3)."""
         identity = np.eye(3)
         total = np.einsum("ik,...jl->...ijkl", identity, self._full_inner())
         if self.outer is not None:
@@ -62,7 +62,7 @@ class Moduli:
         return total
 
     def with_inner(self, tensor: np.ndarray) -> Moduli:
-        """The same moduli with a tensor (..., 3, 3) added to M."""
+        """The same moduli with a tensor (..., 3, 3) added to the tensor M."""
         return replace(self, inner=self._full_inner() + tensor)
 
     def along(self, change: np.ndarray) -> np.ndarray:

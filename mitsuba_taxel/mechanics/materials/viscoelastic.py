@@ -50,7 +50,7 @@ def components(tensors: np.ndarray) -> np.ndarray:
 
 
 class Weights(NamedTuple):
-    """Effect of a time step h on the stress Q of each of k terms.
+    """Factors by which a time step h changes the stress Q of each of the k terms of a Prony series.
 
     Attributes
     ----------
@@ -94,12 +94,12 @@ class Viscoelastic(Displayed):
 
     @property
     def shares(self) -> np.ndarray:
-        """Weights g (k,)."""
+        """Weights g (k,) of the terms of the Prony series."""
         return np.array([weight for weight, _ in self.prony])
 
     @property
     def times(self) -> np.ndarray:
-        """Relaxation times tau (k,) in s."""
+        """Relaxation times tau (k,) of the terms of the Prony series, in s."""
         return np.array([time for _, time in self.prony])
 
     def relaxation(self, time: float | np.ndarray) -> np.ndarray:
@@ -118,7 +118,7 @@ class Viscoelastic(Displayed):
         return 1 + np.expm1(-np.asarray(time, dtype=float)[..., None] / self.times) @ self.shares
 
     def over(self, step: float) -> Weights:
-        """Effect of a step of a duration in s on each term."""
+        """Factors by which a time step of a duration in s changes the stress of each term of the Prony series."""
         x = np.minimum(step / self.times, LONGEST)
         series = x / 12 - x**2 / 24 + x**3 / 80
         clipped = np.maximum(x, SHORT)

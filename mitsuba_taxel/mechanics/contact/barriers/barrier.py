@@ -84,7 +84,9 @@ class Barrier:
         self._weight = modulus * area[face] / len(_POINTS)
 
     def gap(self, displacement: np.ndarray) -> float:
-        """Smallest distance in mm between two triangles that share no corner; at most the reach."""
+        """Smallest distance in mm between two triangles of the pad's surface that share no corner; at most the range of
+        the repulsion.
+        """
         positions, collisions = self._near(displacement)
         return (
             float(np.sqrt(collisions.compute_minimum_distance(self._mesh, positions)))
@@ -136,7 +138,7 @@ class Barrier:
         return sparse.csr_array((values, (rows, columns)), shape=(displacement.size, displacement.size))
 
     def free_fraction(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Fraction of a step that is free of collisions, with a margin.
+        """Fraction of a step of the nodes' displacements that is free of collisions, with a margin.
 
         Parameters
         ----------

@@ -69,7 +69,7 @@ class RigidBodies:
         return np.concatenate(points), np.concatenate(triangles)
 
     def kept_by(self, mirror: Mirror) -> bool:
-        """True if a mirror maps the bodies onto themselves. If a body is not convex, the result is False."""
+        """Whether the bodies are symmetric in the plane of a mirror; False if a body is not convex."""
         if not all(body.is_convex for body in self._parts):
             return False
         points, _ = self.surface

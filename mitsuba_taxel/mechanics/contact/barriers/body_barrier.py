@@ -129,7 +129,7 @@ class BodyBarrier:
         return sparse.csr_array(interpolation.T @ point_stiffness @ interpolation)
 
     def free_fraction(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Fraction of a step that is free of collisions, with a margin.
+        """Fraction of a step of the nodes' displacements in which the pad does not hit a body, with a margin.
 
         Parameters
         ----------
@@ -194,8 +194,9 @@ class _Facets:
         self._first = {"points": first_point, "sides": first_side, "triangles": first_triangle}
 
     def boxes(self, low: np.ndarray, high: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
-        """For the keys "points", "sides" and "triangles": lowest and highest corners (n, 3) of their n bounding boxes,
-        and the number of the first."""
+        """Bounding boxes of points, sides and triangles: for each of these keys, lowest and highest corners (n, 3) of n
+        boxes, and the number of the first.
+        """
         boxes = {"points": (low, high, self._first["points"])}
         for kind, members in (("sides", self.sides), ("triangles", self.triangles)):
             lowest = np.minimum.reduce([low[column] for column in members.T])

@@ -20,7 +20,8 @@ contact is found to 2.5e-8 of the height."""
 
 
 class ContactAhead:
-    """Search for the first contact of a deformed pad near a point, while its nodes move in straight lines.
+    """Search for the load at which a deformed pad first touches itself, the board or a package; its nodes are assumed
+    to move in straight lines.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ class ContactAhead:
         self._near = np.unique(mesh.faces[distance < NEAR * self.height])
 
     def after(self, moved: np.ndarray, displaced: np.ndarray, packages: np.ndarray | None) -> float:
-        """Increment of the load up to the first contact of the pad, after its nodes have moved a little.
+        """Increment of the load up to the first contact of the pad, from the movement of its nodes in a small step.
 
         Parameters
         ----------

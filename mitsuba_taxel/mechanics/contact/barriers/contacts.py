@@ -20,7 +20,7 @@ SHAPE_STEP = 1e-4
 
 
 class Contacts:
-    """All contact barriers of a pad: against itself, the board and rigid bodies.
+    """All barriers (repulsive forces at small distances) of a pad: against itself, the board and rigid bodies.
 
     Parameters
     ----------
@@ -96,7 +96,8 @@ class Contacts:
         return (ahead - behind) / (2 * step)
 
     def free_fraction(self, before: np.ndarray, after: np.ndarray) -> float:
-        """Fraction of a step that is free of collisions, with a margin, and moves no node further than `LONGEST_STEP`.
+        """Fraction of a step of the nodes' displacements that is free of collisions, with a margin, and moves no node
+        further than `LONGEST_STEP`.
 
         Parameters
         ----------

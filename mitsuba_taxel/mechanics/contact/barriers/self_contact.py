@@ -121,7 +121,7 @@ class ContactTest:
 
     @cached_property
     def at_rest(self) -> Contact | None:
-        """A contact of the undeformed pad with the board, a package or itself; None if there is none."""
+        """Find a contact of the undeformed pad with the board, a package or itself; None if there is none."""
         return self.find(np.zeros_like(self._points))
 
     @cached_property
@@ -204,7 +204,7 @@ class _Neighbours:
         self.pairs = {"vertex": vertex, "edge": edge}
 
     def without(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Those pairs (first[i], second[i]) of two lists of faces that share neither a vertex nor an edge."""
+        """Those pairs (first[i], second[i]) of two lists of faces whose faces share neither a vertex nor an edge."""
         keys = np.minimum(first, second) * self._count + np.maximum(first, second)
         separate = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
         return first[separate], second[separate]

@@ -27,7 +27,7 @@ POINTS_AT_ONCE = 4096
 
 @kept(4)  # the states of a path share their mesh
 def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
-    """Largest width of a gap between a pad and a body that is closed for light.
+    """Largest width at which a gap between a pad and a body counts as closed: no light passes through it.
 
     Parameters
     ----------

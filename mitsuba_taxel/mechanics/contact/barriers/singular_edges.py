@@ -26,7 +26,7 @@ CREASE = 150.0
 
 @kept(4)  # several tests of contact share a mesh
 def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
-    """Distance of nodes from the strip beside singular edges, in which the surface may fold.
+    """Distance of nodes from the strips beside edges with singular stress; within these strips the surface may fold.
 
     Singular edges are the glued rim, and inner edges whose angle on the side of the air is below :data:`CREASE`.
 
@@ -58,8 +58,8 @@ def beyond_strip(mesh: VolumeMesh) -> np.ndarray:
 
 
 def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
-    """Nodes at which elements must not be inverted: nodes of the cells' walls outside the strip, where light is
-    reflected.
+    """Nodes at which elements must not be inverted: those of the cells' walls, where light is reflected, except near
+    edges with singular stress.
 
     At other nodes an element may be inverted, for example at the middle of an edge where silicone rolls over onto the
     board. At quadrature points, which determine its energy, no element may be inverted.

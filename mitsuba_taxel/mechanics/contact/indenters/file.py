@@ -52,7 +52,7 @@ class File(IndenterShape, name="file", rank=4):
         return Gap(*self.solid.distance.at(points))
 
     def keeps(self, mirror: Mirror) -> bool:
-        """False: symmetries of a file are not known."""
+        """Whether the body is symmetric in a mirror: always False, because the symmetries of a file are unknown."""
         return False
 
     def contact_radius(self, depth: float) -> float:
@@ -61,7 +61,9 @@ class File(IndenterShape, name="file", rank=4):
         return distance.spacing * math.sqrt(len(distance.footprint(depth)) / (2 * math.pi))
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances from the contact area: the pressure may be steep anywhere in it."""
+        """Distances of points from the contact area, because the pressure under a body from a file may be steep
+        anywhere in it.
+        """
         footprint = self.solid.distance.footprint(depth)
         if not len(footprint):
             size = np.ptp(self.solid.vertices, axis=0)

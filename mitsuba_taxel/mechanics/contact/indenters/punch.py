@@ -36,7 +36,7 @@ class Punch(IndenterShape, name="punch", rank=1):
 
     @property
     def edge(self) -> float:
-        """Radius of the edge, in mm."""
+        """Radius of the rounded edge of the punch, in mm."""
         return EDGE * self.indenter.radius if self.indenter.edge_radius is None else self.indenter.edge_radius
 
     def own_gap(self, points: np.ndarray) -> Gap:

@@ -146,7 +146,8 @@ class Load(Kind, family="load"):
 
     @property
     def driven(self) -> Load | None:
-        """The load that prescribes the displacement of the indenter under this force; None for other loads."""
+        """The load that prescribes the displacement of the indenter instead of the force on it; None for other loads.
+        """
         return None
 
     @property
@@ -182,8 +183,9 @@ class Load(Kind, family="load"):
 
     @classmethod
     def why_no_first_contact(cls, change: np.ndarray) -> str:
-        """Reason why the load at which the pad first touches something is not computed for this change of the value;
-        empty if it is computed."""
+        """Reason why the load at which the pad first touches something cannot be computed for this direction of load;
+        empty if it can.
+        """
         return ""
 
     @classmethod
@@ -203,7 +205,8 @@ class Load(Kind, family="load"):
 
 @dataclass(frozen=True)
 class DeadForce(Load):
-    """A total force that is spread over the undeformed top, or a region of it, and keeps its direction."""
+    """A total force that is spread over the undeformed top, or a region of it, and keeps its direction (a dead load).
+    """
 
     quantity = "force"
     unit = "N"
