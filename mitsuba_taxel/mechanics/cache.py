@@ -60,7 +60,7 @@ def load(name: str) -> dict[str, np.ndarray] | None:
 
 
 def holds(name: str) -> bool:
-    """Whether there is an entry ``name``, even a damaged one."""
+    """Whether the cache has a file called ``name``, even a damaged one."""
     return (folder() / f"{name}.npz").is_file()
 
 
@@ -153,7 +153,7 @@ def remove_least_recently_used(largest: int, spared: float = SPARED) -> tuple[in
 
 
 def store(name: str, arrays: dict[str, np.ndarray]) -> None:
-    """Store ``arrays`` under ``name``; warns if that is not possible."""
+    """Store ``arrays`` on disk under ``name``; warns if that is not possible."""
     try:
         folder().mkdir(parents=True, exist_ok=True)
         remove_stale(folder())
@@ -170,7 +170,7 @@ def store(name: str, arrays: dict[str, np.ndarray]) -> None:
 
 
 def entries() -> list[os.DirEntry[str]]:
-    """The files of the folder that this cache has written."""
+    """The files in the cache's folder that this cache has written."""
     try:
         with os.scandir(folder()) as files:
             return [file for file in files if _OURS.fullmatch(file.name) and file.is_file(follow_symlinks=False)]
@@ -179,7 +179,7 @@ def entries() -> list[os.DirEntry[str]]:
 
 
 def is_locked(name: str) -> bool:
-    """Whether a process is computing the arrays of ``name``."""
+    """Whether a process is computing the arrays that will be stored as ``name``."""
     from filelock import FileLock, Timeout
 
     file = folder() / "locks" / name
@@ -208,7 +208,9 @@ def arrays_of(state: Any) -> dict[str, np.ndarray]:
 
 
 def values_of(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
-    """The inverse of :func:`arrays_of`: arrays and numbers by name, inner dataclasses as dictionaries."""
+    """Restore a dictionary from the arrays of :func:`arrays_of`: arrays and numbers by name, inner dataclasses as
+    dictionaries.
+    """
     values: dict[str, Any] = {}
     for name, array in arrays.items():
         group, _, inner = name.rpartition(".")

@@ -19,8 +19,7 @@ lie half-way between two multiples, where rounding would separate coincident poi
 
 @dataclass(frozen=True)
 class Cut:
-    """A subdivided surface: T triangles with V vertices. Its P points belong to one face each; coincident points of
-    several faces are one vertex.
+    """A mesh's surface, subdivided into T flat triangles with V vertices.
 
     Attributes
     ----------

@@ -241,7 +241,7 @@ def state_at_rest(
 
 
 def remembering(material: Material | Viscoelastic) -> Viscoelastic:
-    """The material as a `Viscoelastic` object; if it is elastic, without relaxing terms."""
+    """The material as a `Viscoelastic` object; an elastic material becomes one without relaxing terms."""
     return material if isinstance(material, Viscoelastic) else Elastic(material)
 
 

@@ -34,7 +34,7 @@ Leg = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class Refinement:
-    """Region and element size of the refinement of a mesh under an indenter.
+    """Where and how finely a mesh is refined under an indenter.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Refinement:
 def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> VolumeMesh:
     """Refine a mesh along the movements of an indenter, to elements of a fraction of the contact's radius.
 
-    The result keeps the common symmetries of mesh, indenter and legs.
+    The result keeps the common symmetries of mesh, indenter and movements (legs).
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def mesh_under(mesh: VolumeMesh, indenter: Indenter, refinement: Refinement) -> 
 
 
 def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) -> tuple[Leg, ...]:
-    """Straight segments (legs) along which a body moves between successive positions.
+    """Straight segments (legs) along which an indenter moves between successive positions.
 
     Movements above z = 0 are left out. To keep the legs the same as positions are added, movements in one direction are
     one leg, whose length is ``reach`` times a power of 2. A movement within :data:`CLOSE` times ``reach`` of a leg is
@@ -205,7 +205,7 @@ def _completed(part: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMes
 
 
 def cells_of_images(mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> np.ndarray:
-    """Numbers of the mirror images of cells.
+    """For each cell of a pad, the number of the cell that is its mirror image.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def refuse_too_large(
 
 
 def symmetric_parts(pad: Pad, load: Load, value: Sequence[float] | np.ndarray) -> int:
-    """Largest number of mirror images of the part of a pad that must be solved under a load.
+    """Number of equal parts into which mirrors divide a pad under a load; only one of them must be solved.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ _SIDES = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
 
 @dataclass(frozen=True, eq=False)
 class Location:
-    """P points, and the elements of a mesh of N nodes in which they lie.
+    """P points in an undeformed pad, with the elements that contain them, in a mesh of N nodes.
 
     Attributes
     ----------
@@ -250,12 +250,13 @@ class _Boundary:
         self._corner = (mesh.tets[self._owner, None, :4] == mesh.faces[:, :3, None]).argmax(axis=2)
 
     def are_beyond(self, x: np.ndarray, distance: float) -> np.ndarray:
-        """Mask (P,): whether points are certainly farther from the surface than a distance in mm, by their nearest
-        node."""
+        """Mask (P,): whether points are certainly farther from the pad's surface than a distance in mm, judged by their
+        nearest node.
+        """
         return self._tree.query(x)[0] > distance + self._largest
 
     def nearest(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Element and reference coordinates of the point of the surface that is nearest to each of points (P, 3)."""
+        """Element and reference coordinates of the surface point that is nearest to each of P points (P, 3)."""
         bound = self._tree.query(x)[0]
         row, face = self._boxes.overlapping(x - bound[:, None], x + bound[:, None])
         excess = np.maximum(self._boxes.low[face] - x[row], x[row] - self._boxes.high[face])

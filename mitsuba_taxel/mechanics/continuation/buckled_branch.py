@@ -50,7 +50,8 @@ class _Bordered(NamedTuple):
 
 
 class BuckledPad:
-    """A pad for which the amplitude of a buckling mode is prescribed, in mm; the load is the last unknown.
+    """The equations of a buckled pad whose deflection in the buckling mode (amplitude, in mm) is prescribed; the load
+    is the last unknown.
 
     A `LoadSegment` follows it like any other pad, with the amplitude as the value of the load.
 
@@ -94,7 +95,9 @@ class BuckledPad:
         return solution, bordered
 
     def solve_linearised(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
-        """The equilibrium, as from :meth:`solve_symmetric`, but without a check of stability."""
+        """The equilibrium at a prescribed amplitude of the buckling mode, as from :meth:`solve_symmetric`, but without
+        a check of stability.
+        """
         unknowns = start
         for iteration in range(MOST_ITERATIONS):
             value = self._segment.value(unknowns[-1])
@@ -134,8 +137,8 @@ class BuckledPad:
 
 
 class BuckledBranch:
-    """The states of a buckled pad beyond the end of a segment, as a function of the distance along that segment, which
-    measures the load.
+    """The states of a pad after it has buckled, as a function of the load: the distance along the straight segment of
+    the load path.
 
     Parameters
     ----------
@@ -186,31 +189,33 @@ class BuckledBranch:
 
     @property
     def reason(self) -> str:
-        """Reason why the branch ends."""
+        """Reason why there are no states of the buckled pad beyond the end of the branch, as text."""
         return self._last.reason
 
     @property
     def place(self) -> np.ndarray:
-        """Point (3,) in mm of contact where the branch ends; NaN without contact."""
+        """Point (3,) in mm at which the buckled pad touches something where the branch ends; NaN without contact."""
         return self._last.place
 
     @property
     def limit(self) -> float:
-        """Distance along this segment of the load path beyond which there is no state; infinite if unknown."""
+        """Load beyond which the buckled pad has no state, as distance along the segment of the load path; infinite if
+        unknown.
+        """
         if self.onwards:
             return self.solved_to + self.onwards.limit
         return self.load_at(self.curve.limit) if math.isfinite(self.curve.limit) else math.inf
 
     def value(self, s: float) -> np.ndarray:
-        """Value of the load at the distance ``s`` along the segment."""
+        """Value of the load at the distance ``s`` along the segment of the load path."""
         return self._segment.value(s)
 
     def reaches(self, s: float) -> bool:
-        """Whether the state at the distance ``s`` can be interpolated between solved states."""
+        """Whether the state of the buckled pad at the distance ``s`` can be interpolated between solved states."""
         return min(self.solved_to, self.limit) >= s
 
     def extend(self, s: float, contact: ContactTest, touched: Callable[[], bool]) -> None:
-        """Solve states of growing amplitude.
+        """Solve states of the buckled pad with growing amplitude of the buckling mode.
 
         Parameters
         ----------
@@ -236,11 +241,12 @@ class BuckledBranch:
         )  # fmt: skip
 
     def load_at(self, amplitude: float) -> float:
-        """Distance along the segment at which the state has a given amplitude."""
+        """Load at which the buckling mode has a given amplitude, as distance along the segment of the load path."""
         return float(self.curve.unknowns_at(amplitude)[-1])
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
-        """The state at a distance along the segment, up to which the branch must have been extended.
+        """The state of the buckled pad at a distance along the segment of the load path; the branch must have been
+        extended this far.
 
         Parameters
         ----------
@@ -265,18 +271,22 @@ class BuckledBranch:
         return Interpolated.of(state, curve.seconds_to(amplitude))
 
     def seconds_before(self, s: float) -> float:
-        """CPU time, in s, of all parts of the branch before the part that contains the distance ``s``."""
+        """CPU time, in s, of solving all parts of the branch before the part that contains the distance ``s``."""
         nodes = self._segment.nodes + (self.curve.nodes if self.onwards and s > self.solved_to else [])
         return sum(node.seconds for node in nodes)
 
     def rate(self, s: float) -> np.ndarray:
-        """Derivative of the unknowns with respect to the distance; unbounded at the start of the branch."""
+        """Derivative of the buckled pad's unknowns with respect to the distance along the segment; unbounded at the
+        start of the branch.
+        """
         rate = self.curve.rate(self._amplitude(s))
         return rate[:-1] / rate[-1]
 
     @property
     def solved_to(self) -> float:
-        """Distance along the segment of the last state that was solved with a prescribed amplitude."""
+        """Distance along the segment, which measures the load, of the last state that was solved with a prescribed
+        amplitude.
+        """
         return float(self.curve.nodes[-1].unknowns[-1])
 
     def _amplitude(self, s: float) -> float:

@@ -31,7 +31,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """Downward force of the indenter on the whole pad at a node, a solved state, of a segment.
+    """Downward force of the indenter on the whole pad in one of the solved states (nodes) of a load path.
 
     Parameters
     ----------
@@ -53,7 +53,8 @@ def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
 
 
 def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
-    """Derivative of the downward force with respect to the depth, at a solved state of a segment.
+    """Derivative of the indenter's downward force with respect to its depth, in one of the solved states of a load
+    path.
 
     Parameters
     ----------
@@ -143,7 +144,7 @@ def depth_of(
 
 
 def depth_name(segments: PathSegments, value: np.ndarray) -> str:
-    """Name under which the depth under a force (3,) is stored on disk."""
+    """File name under which the depth of the indenter under a force (3,) is cached on disk."""
     return cache.key("depth", segments.name_of(segments.towards(np.zeros(3), DOWN)), value.tolist())
 
 

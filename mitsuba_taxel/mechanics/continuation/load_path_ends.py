@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.equilibrium.solution import UNSTABLE
 
 
 class LoadPathEnds(ComputationError):
-    """Error: a load path ends before the requested load.
+    """The load path ends before the requested load.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class LoadPathEnds(ComputationError):
         self.load, self.value, self.contact = load, value, contact
 
     def at(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same error, stated for another load and the value of that load at the end."""
+        """The same error, stated for another kind of load and the value of that load at the end of the path."""
         assert self.load is not None and self.value is not None
         words = str(self).replace(_shown(self.load, self.value), _shown(load, value))
         return LoadPathEnds(words, load, value, self.contact)
@@ -62,7 +62,7 @@ def end_of_path(
     buckled_at: np.ndarray | None,
     folded_at: Place | None = None,
 ) -> LoadPathEnds:
-    """The error that states where and why a load path ends.
+    """Create the error that states where and why a load path ends.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def refuse_at_rest(contact: Contact | None, mirrors: Sequence[Mirror] = ()) -> N
 
 
 class Obstacles:
-    """Rigid obstacles of a pad, with the known first contacts on the segments of its paths.
+    """Rigid obstacles of a pad, with the loads at which the pad is known to touch them first.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class Obstacles:
         refuse_at_rest(self._test.find_package(np.zeros_like(mesh.points)), mirrors)
 
     def first(self, segment: LoadSegment, pad: Followed) -> tuple[float, Contact] | None:
-        """The first contact with an obstacle along the solved part of a segment.
+        """The first contact of the pad with an obstacle along the solved part of a straight segment of its load path.
 
         Parameters
         ----------

@@ -32,7 +32,8 @@ CONTACT_RESOLUTION = 1e-3 * TICKS
 
 
 class Followed(Protocol):
-    """Interface of a pad that a segment follows: states under values of a load, or of another path parameter.
+    """Interface of a pad whose equilibria are followed along a segment: states under values of a load, or of another
+    path parameter.
 
     Methods are those of a `LoadedPad`. The linearised pad that solves return is only passed back.
     """
@@ -66,7 +67,7 @@ Solve = Callable[[np.ndarray, np.ndarray], tuple[Solution, Any]]
 
 
 class LoadSegment:
-    """A straight segment of a load path: the nodes, solved states, that have been found so far.
+    """A straight segment of a load path, with the solved states (nodes) found so far.
 
     Parameters
     ----------
@@ -106,11 +107,11 @@ class LoadSegment:
         self.mode = np.zeros(0)
 
     def value(self, s: float) -> np.ndarray:
-        """Value of the load at distance ``s``."""
+        """Value of the load at distance ``s`` from the start of the segment."""
         return self.origin + s * self.direction
 
     def reaches(self, s: float) -> bool:
-        """Whether a state at distance ``s`` needs no further solve."""
+        """Whether the state at distance ``s`` lies between solved states, so that it needs no further solve."""
         return bool(self.nodes) and min(self.nodes[-1].s, self.limit) >= s
 
     def extend(
@@ -193,7 +194,8 @@ class LoadSegment:
                     break
 
     def begin(self, pad: Followed, start: Callable[[], np.ndarray]) -> None:
-        """Solve the first node, unless it is known; its tangent determines the length of a tick.
+        """Solve the first state of the segment, unless it is known. The rate of change there determines the tick, the
+        shortest interval between solved states.
 
         Parameters
         ----------
@@ -276,7 +278,7 @@ class LoadSegment:
             self.reason, self.place = f"touches {contact.what}", np.array(contact.place)
 
     def end_buckling(self, pad: Followed, contact: ContactTest, node: Node, mode: np.ndarray) -> None:
-        """End the segment where the pad buckles in a ``mode``: beyond its last node the pad is unstable.
+        """End the segment where the pad becomes unstable and buckles in a ``mode``.
 
         Parameters
         ----------
@@ -346,7 +348,7 @@ class LoadSegment:
         return hermite(*self.interval(s), s)
 
     def seconds_to(self, s: float) -> float:
-        """Time, in s, of the solution of all nodes up to the first one at or beyond the distance ``s``."""
+        """Time, in s, of solving all states up to the first one at or beyond the distance ``s``."""
         return sum(node.seconds for node in self.nodes[: self._first_from(s) + 1])
 
     def solved(self, pad: LoadedPad, s: float, near: Callable[[Node], Linearised] | None = None) -> Node:
@@ -391,7 +393,7 @@ class LoadSegment:
         return hermite_rate(*self.interval(s), s)
 
     def beyond(self, pad: LoadedPad, s: float) -> Node:
-        """The equilibrium at a distance slightly beyond the last node.
+        """The equilibrium at a distance slightly beyond the last solved state.
 
         Parameters
         ----------
@@ -417,18 +419,18 @@ class LoadSegment:
         return next(index for index, node in enumerate(self.nodes) if node.s >= s)
 
     def interval(self, s: float) -> tuple[Node, Node]:
-        """The two nodes around the distance ``s``; the segment must have been extended this far."""
+        """The two solved states on both sides of the distance ``s``; the segment must have been extended this far."""
         after = self._first_from(s)
         return self.nodes[max(after - 1, 0)], self.nodes[after]
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Nodes and limit as arrays by name, for the cache."""
+        """The solved states and the limit of the segment as arrays by name, for the cache on disk."""
         nodes = {field.name: np.array([getattr(node, field.name) for node in self.nodes]) for field in fields(Node)}
         end = {"limit": np.array(self.limit), "reason": np.array(self.reason), "place": self.place, "mode": self.mode}
         return nodes | end | {"ticks": np.array(self.ticks)}
 
     def restore(self, arrays: dict[str, np.ndarray]) -> None:
-        """Restore nodes and limit from :meth:`arrays`."""
+        """Restore the solved states and the limit of the segment from :meth:`arrays`."""
         self.limit, self.reason, self.place = float(arrays["limit"]), str(arrays["reason"]), arrays["place"]
         self.mode, self.ticks = arrays["mode"], int(arrays["ticks"])
         names = [field.name for field in fields(Node)]

@@ -27,7 +27,8 @@ Mirrors = tuple[Mirror, ...]
 
 
 def canonical_place(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray, Mirrors]:
-    """The path of a body at the canonical place, the value of its load there, and the mirrors that lead there.
+    """Map a body on a symmetric pad to the one of all mirrored places that is solved: its path and load there, and the
+    mirrors that lead there.
 
     Parameters
     ----------
@@ -70,7 +71,7 @@ def solved_by_symmetry(
     obstacles: np.ndarray | None,
     solve: Callable[[PadPath, np.ndarray, np.ndarray | None], State],
 ) -> State:
-    """The state at a place, from that at the canonical place.
+    """The state under a body, computed as the mirror image of the state under the same body at a symmetric place.
 
     If there is none at the canonical place, the load is solved at the place itself: its message then names the place.
 
@@ -104,7 +105,7 @@ def solved_by_symmetry(
 
 
 def mirrored_state(path: PadPath, state: State, mirrors: Mirrors) -> State:
-    """The state of a path from the state at the canonical place.
+    """Mirror the state under a body at a symmetric place: the result is the state at the body's own place.
 
     Parameters
     ----------

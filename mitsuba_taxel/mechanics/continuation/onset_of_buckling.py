@@ -33,7 +33,7 @@ ALIKE = 1e-6
 
 
 class Onset(NamedTuple):
-    """The last stable state of a segment, and the mode in which the pad then buckles.
+    """The last stable state before a pad buckles, and the mode (shape of the deflection) in which it then buckles.
 
     Attributes
     ----------
@@ -48,7 +48,8 @@ class Onset(NamedTuple):
 
 
 def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
-    """The onset of buckling within one tick, the shortest interval, beyond the last node of a segment.
+    """Find the load at which the pad buckles, within one tick, the shortest interval, beyond the last solved state of a
+    segment.
 
     In most cases the mode lacks the symmetry of the state. It may have the symmetry of the state if bodies, which the
     pad does not touch yet, have less symmetry than the state.
@@ -129,6 +130,6 @@ def _tangent(pad: LoadedPad, segment: LoadSegment, block: TangentBlock, node: No
 
 
 def is_kept(mode: np.ndarray, mirror: Mirror, image: np.ndarray) -> bool:
-    """Whether a mode of an `Onset` is its own mirror image; ``image`` gives the mirror images of the nodes."""
+    """Whether a buckling mode is its own mirror image; ``image`` gives the mirror image of each node."""
     displacement = mode[: 3 * len(image)].reshape(-1, 3)
     return bool(np.abs(mirror.image(displacement[image]) - displacement).max() <= ALIKE)

@@ -61,12 +61,14 @@ class PadPath(PathStates):
 
     @cached_property
     def mesh(self) -> VolumeMesh:
-        """Mesh of the undeformed pad."""
+        """Finite-element mesh of the undeformed pad."""
         return super().mesh if self.load.driven is None else self.driven.mesh
 
     @cached_property
     def driven(self) -> PadPath:
-        """The path under a displacement of the indenter, from which states under a force on the indenter are found."""
+        """The load path under a prescribed displacement of the indenter, on which states under a given force on the
+        indenter are found.
+        """
         assert self.load.driven is not None
         arguments = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
         return pad_path(*arguments, None, self.bodies, self.step_tolerance, self._refinement)
@@ -131,8 +133,9 @@ class PadPath(PathStates):
         )
 
     def bearing(self, value: np.ndarray) -> PadPath:
-        """The path on which the state under a value is solved: this path, or the same path with stability tested on its
-        own elements, if the path of ``judged_on`` does not bear the load."""
+        """The path on which the state under a value is solved: this path or, if the pad becomes unstable on the coarser
+        elements of ``judged_on``, the same path with stability tested on its own elements.
+        """
         if self.judge is None:
             return self
         _ = self.judge.mesh  # first, because the mesher makes one mesh at a time
@@ -143,7 +146,7 @@ class PadPath(PathStates):
         return self if bears else self._like(self.mesh_size)
 
     def like(self, load: Load | None = None, refinement: Refinement | None = None) -> PadPath:
-        """The path under another load, or with another refinement under the indenter.
+        """The load path of the same pad under another load, or with a differently refined mesh under the indenter.
 
         Parameters
         ----------
@@ -163,7 +166,7 @@ class PadPath(PathStates):
         return pad_path(self.pad, self.material, which, self.mesh_size, judged, judged_on, *settings, where)
 
     def on_elements(self, mesh_size: float, judged: bool = False) -> PadPath:
-        """The same path on elements of another size, also under an indenter.
+        """The load path of the same pad and load on elements of another size, also under an indenter.
 
         Parameters
         ----------
@@ -187,7 +190,7 @@ class PadPath(PathStates):
         return pad_path(self.pad, self.material, self.load, mesh_size, judged, *settings)
 
     def bears(self, value: np.ndarray) -> bool:
-        """Whether the path reaches ``value`` without buckling."""
+        """Whether the pad reaches the load ``value`` without buckling."""
         try:
             return self.state(value).buckled_at is None
         except ComputationError:
@@ -196,8 +199,8 @@ class PadPath(PathStates):
     def force(
         self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray, fraction: float = 1
     ) -> np.ndarray:
-        """Force of the pad in a canonical state (see :class:`PathStates`): on the plate or indenter if its displacement
-        is prescribed, otherwise on the board.
+        """Force of the pad in a solved state: on the plate or indenter if its displacement is prescribed, otherwise on
+        the board.
 
         Parameters
         ----------
@@ -224,8 +227,7 @@ class PadPath(PathStates):
         return glued_force(self.mesh, self.material, displacement, pressure, region="top", linear=linear)
 
     def refuse_unresolved(self, value: np.ndarray, displacement: np.ndarray | None, largest: float = LARGEST) -> None:
-        """Refuse elements that are too large for the contact with an indenter in a canonical state (see
-        :class:`PathStates`).
+        """Refuse elements that are too large for the contact with an indenter in a solved state.
 
         Parameters
         ----------
@@ -259,7 +261,7 @@ def pad_path(
     step_tolerance: float = INTERPOLATION_TOLERANCE,
     refinement: Refinement | None = None,
 ) -> PadPath:
-    """The load path of these arguments; all callers with equal arguments share one object.
+    """The load path for these arguments; all callers with equal arguments share one object.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class Interpolated:
 
     @classmethod
     def of(cls, solution: Solution | Node, seconds: float) -> Interpolated:
-        """A solution as an interpolated state, with the seconds that it took."""
+        """Convert a solution of Newton's method, and the seconds that it took, to this class."""
         return cls(
             unknowns=solution.unknowns,
             min_jacobian=solution.min_jacobian,

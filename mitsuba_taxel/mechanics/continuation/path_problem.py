@@ -30,7 +30,8 @@ _OF_LOCKS = threading.Lock()
 
 
 def lock_of(pad: AnyPad) -> Any:
-    """The lock of a pad. Its paths share meshes, factors and states, which only one thread may change at a time.
+    """The lock that guards the data of a pad: its paths share meshes, factors and states, which only one thread may
+    change at a time.
 
     Paths of different pads share no data that changes, so threads can solve them concurrently.
 
@@ -97,12 +98,12 @@ class PathProblem:
 
     @cached_property
     def refinement(self) -> Refinement:
-        """Refinement of the mesh under an indenter."""
+        """How the mesh is refined under an indenter."""
         return self._refinement or Refinement(min(1.0, self.mesh_size / self.pad.default_mesh_size))
 
     @cached_property
     def mesh(self) -> VolumeMesh:
-        """Mesh of the undeformed pad."""
+        """Finite-element mesh of the undeformed pad."""
         indenter = self.load.indenter
         if indenter is None:
             return pad_mesh(self.pad, self.mesh_size)
@@ -117,8 +118,9 @@ class PathProblem:
 
     @cached_property
     def images(self) -> dict[Mirror, np.ndarray]:
-        """The mirrors that leave the mesh, the distribution of the load and the bodies unchanged, each with the image
-        (N,) of each of the N nodes."""
+        """The common planes of symmetry (mirrors) of mesh, load and bodies, each with the image (N,) of each of the N
+        nodes.
+        """
         images = mirror_images(self.mesh, self.load)
         return {mirror: image for mirror, image in images.items() if self.bodies is None or self.bodies.kept_by(mirror)}
 
@@ -129,7 +131,7 @@ class PathProblem:
 
     @cached_property
     def own_contact_at_rest(self) -> Contact | None:
-        """A contact of the undeformed pad with the board or itself; one of each set of mirror images."""
+        """A contact of the undeformed pad with the board or itself; of several that are mirror images, only one."""
         kept = np.ones(len(self.mesh.points), dtype=bool)
         for mirror in self.images:
             kept &= mirror.side(self.mesh.points) >= 0
@@ -142,7 +144,7 @@ class PathProblem:
 
     @property
     def key_parts(self) -> list[Any]:
-        """Pad, material, load and bodies, for keys of the cache."""
+        """Pad, material, load and bodies, from which names of cached files are computed."""
         material = [_name_of(self.material), *(getattr(self.material, name) for name in self.material.parameters)]
         bodies = [] if self.bodies is None else [self.bodies.triangles.tolist()]
         return [self._identity, material, [_name_of(self.load), asdict(self.load)], *bodies]

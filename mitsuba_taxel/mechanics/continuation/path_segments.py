@@ -29,11 +29,11 @@ Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
 
 
 def nothing(segment: LoadSegment, pad: Followed) -> None:
-    """Search for a contact on a path without obstacles: there is none."""
+    """The search for a contact on a path without obstacles: its result is always None."""
 
 
 class PathSegments:
-    """Segments and branches of the load path of one problem, kept in memory and on disk."""
+    """The straight segments of a load path and the branches after buckling, kept in memory and on disk."""
 
     def __init__(self, path: PathProblem) -> None:
         self._path = path
@@ -85,7 +85,7 @@ class PathSegments:
         return self.known[index]
 
     def pad_for(self, origin: np.ndarray, direction: np.ndarray) -> LoadedPad:
-        """The part of the pad, between mirrors, on which a segment is solved.
+        """The symmetric part of the pad on which a segment is solved; it is bounded by planes of symmetry (mirrors).
 
         Parameters
         ----------
@@ -154,13 +154,14 @@ class PathSegments:
             segment.restore(arrays)
 
     def name_of(self, segment: LoadSegment) -> str:
-        """The name under which a segment is kept on disk."""
+        """The file name under which a segment is cached on disk."""
         numerics = [segment.step, segment.judged, RESIDUAL_TOLERANCE, segment.tolerance, available_solvers()[0]]
         ends = segment.origin.tolist(), segment.direction.tolist()
         return cache.key("segment", *self._path.key_parts, numerics, *ends)
 
     def extended_branch(self, segment: LoadSegment, s: float, touch: Touch) -> BuckledBranch:
-        """The branch beyond the end of a segment, up to a distance, or until the pad touches something.
+        """The states of the buckled pad beyond the end of a segment, solved up to a distance or until the pad touches
+        something.
 
         Parameters
         ----------
@@ -193,7 +194,7 @@ class PathSegments:
         return branch
 
     def part_to(self, segment: LoadSegment, s: float) -> tuple[LoadSegment | BuckledBranch, float, LoadedPad]:
-        """The segment or branch that contains the state at a distance along a segment that has been followed.
+        """The segment or the branch after buckling that contains the state at a distance along a solved segment.
 
         Parameters
         ----------
@@ -219,7 +220,7 @@ class PathSegments:
         return branch, s, branch.pad
 
     def branch(self, segment: LoadSegment) -> BuckledBranch:
-        """The branch that begins at the end of a segment where the pad buckles."""
+        """The states of the buckled pad beyond the end of a segment."""
         if segment not in self.branches:
             pad = self.pad_for(segment.origin, segment.direction)
             kept = tuple(mirror for mirror in pad.mirrors if is_kept(segment.mode, mirror, self._path.images[mirror]))
@@ -228,7 +229,7 @@ class PathSegments:
         return self.branches[segment]
 
     def buckled_at(self, value: np.ndarray, mirrors: Sequence[Mirror] = ()) -> np.ndarray | None:
-        """The load at which the pad buckles on the path to a canonical state.
+        """The load at which the pad buckles on the path to a load, or None.
 
         Parameters
         ----------
@@ -254,13 +255,14 @@ class PathSegments:
 
     @property
     def may_buckle(self) -> bool:
-        """Whether paths are followed along branches after buckling."""
+        """Whether states after buckling are computed."""
         load = self._path.load
         return self._path.judged and load.indenter is None and not load.tilts
 
     def follow_normal(self, value: np.ndarray) -> None:
-        """Solve the segment along z up to the normal part of a load; its buckling determines the symmetries of the
-        state."""
+        """Solve the segment of growing normal load. Whether the pad buckles there determines the symmetries of the
+        state.
+        """
         normal = normal_part(value)
         if self.may_buckle and normal.any() and (value - normal).any():
             ((segment, s),) = self.to(normal)

@@ -30,7 +30,8 @@ from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class PathStates(PathProblem):
-    """States of one problem, solved for representative loads only.
+    """States of one pad under one kind of load. Of loads that are mirror images of each other only one, called
+    canonical, is solved.
 
     Loads that the pad's planes of symmetry map onto each other have mirrored states. Of these, the load on the kept
     side of all planes is solved; it is called canonical.
@@ -62,11 +63,12 @@ class PathStates(PathProblem):
 
     @property
     def driven(self) -> PathStates:
-        """The load path under a displacement of the indenter, from which the states under a force follow."""
+        """The load path under a prescribed displacement of the indenter, on which states under a given force are found.
+        """
         raise NotImplementedError(f"{self.load} drives no other load")
 
     def driven_to(self, value: np.ndarray, obstacles: Obstacles | None) -> np.ndarray:
-        """Displacement of an indenter under a force.
+        """Displacement of an indenter at which it presses with a given force.
 
         Parameters
         ----------
@@ -107,7 +109,7 @@ class PathStates(PathProblem):
             raise end.under(self.load, np.array([0.0, 0.0, -carried])) from end
 
     def turned(self, value: np.ndarray) -> tuple[np.ndarray, list[Mirror]]:
-        """A value mapped to the kept side of all mirrors of the pad, and the mirrors that map it there."""
+        """The mirror image of a load that is solved (the canonical load), and the mirrors that lead there."""
         used: list[Mirror] = []
         self.segments.follow_normal(value)
         for mirror in self.segments.mirrors_at(value):
@@ -119,7 +121,7 @@ class PathStates(PathProblem):
     def mirrored(
         self, displacement: np.ndarray, pressure: np.ndarray, mirrors: Iterable[Mirror]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A state after reflection by some mirrors of the pad in turn.
+        """The mirror image of a state, after reflection by some mirrors of the pad in turn.
 
         Parameters
         ----------
@@ -184,7 +186,8 @@ class PathStates(PathProblem):
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-        """Displacement, pressure and figures under a value on the kept side of all mirrors of the pad.
+        """Displacement, pressure and figures of the state under a canonical load: the one of all mirrored loads that is
+        solved.
 
         Parameters
         ----------

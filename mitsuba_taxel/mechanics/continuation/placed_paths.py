@@ -49,7 +49,7 @@ def _reach(path: PadPath) -> float:
 
 
 def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
-    """The load path of an indenter that starts directly above the position that a value of the load states.
+    """The load path of an indenter that starts directly above its final position.
 
     The given path and value are returned if the position is so close to the start of the indenter that elements are
     small enough there.
@@ -78,7 +78,8 @@ def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
 def solved_on(
     path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None
 ) -> tuple[PadPath, np.ndarray, State]:
-    """The path without friction whose mesh resolves the contact of a state, the value of its load, and the state.
+    """The state under an indenter on a mesh that resolves the contact; also returns its load path and the value of the
+    load there.
 
     If the contact is small, elements around the tip of the indenter are refined until they resolve it.
 

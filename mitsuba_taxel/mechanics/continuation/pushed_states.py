@@ -55,7 +55,8 @@ class PushedStates:
         return self._pad.split(self._at_normal[0].unknowns)
 
     def state(self, pad: LoadedPad, segment: LoadSegment, s: float) -> Interpolated:
-        """The state at a distance ``s`` along a tangential segment, on the part of the ``pad`` that it needs.
+        """The state at a distance ``s`` along the segment of growing tangential force, on the symmetric part of the
+        ``pad`` that it needs.
 
         Raises
         ------
@@ -146,7 +147,7 @@ REMEMBERED = 5
 def accelerated(
     start: np.ndarray, correct: Callable[[np.ndarray], np.ndarray | None], displacements: int, tolerance: float
 ) -> tuple[np.ndarray, int]:
-    """The unknowns at which a correction vanishes, by Anderson's method (D. G. Anderson, J. ACM 12, 1965).
+    """Solve for the unknowns at which a correction vanishes, by Anderson's method (D. G. Anderson, J. ACM 12, 1965).
 
     Parameters
     ----------

@@ -51,8 +51,8 @@ class SolvedStates:
         self._rates_beside: dict[LoadSegment, dict[float, np.ndarray]] = {}
 
     def at(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Node:
-        """The equilibrium at a distance along a segment. It is solved, because cubic interpolation is inaccurate in
-        contact.
+        """The equilibrium at a distance along a segment of the load path. It is solved, because cubic interpolation is
+        inaccurate in contact.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class SolvedStates:
         return _linearised_at(pad, node.unknowns.tobytes(), segment.value(node.s).tobytes())
 
     def keep(self, segment: LoadSegment, node: Node) -> None:
-        """Store a solved node of a segment, for :meth:`at`.
+        """Keep a solved state of a segment, so that :meth:`at` returns it.
 
         Parameters
         ----------
@@ -100,7 +100,7 @@ class SolvedStates:
             cache.store(cache.key("state", self._segments.name_of(segment), node.s), cache.arrays_of(node))
 
     def state(self, part: LoadSegment | BuckledBranch, s: float, pad: LoadedPad) -> Interpolated:
-        """The state at a distance along a segment or branch that has been extended this far: solved, or interpolated
+        """The state at a distance along a solved segment, or along the branch after buckling: solved, or interpolated
         within the tolerance.
 
         Parameters
@@ -127,7 +127,8 @@ class SolvedStates:
         return part.at(pad, s)
 
     def beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
-        """The state at a distance along a tangential segment, solved with the tangent under the normal force alone.
+        """The state under a normal and a small tangential force, solved with the tangent stiffness under the normal
+        force alone.
 
         None if the iteration with that tangent does not converge, or if the pad then touches itself or the board.
 
@@ -168,7 +169,8 @@ class SolvedStates:
         return None if self._path.contact.find(pad.split(state.unknowns)[0]) else state
 
     def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
-        """Derivative of the unknowns of a state of :meth:`beside` with respect to the distance.
+        """Derivative of the unknowns of a state from :meth:`beside` with respect to the tangential force (distance
+        along the segment).
 
         Parameters
         ----------
@@ -199,7 +201,7 @@ class SolvedStates:
         return rates[s]
 
     def pushed_from(self, normal: np.ndarray) -> PushedStates:
-        """States under a normal force (3,) and small tangential forces."""
+        """The states under a normal force (3,) together with small tangential forces."""
         assert self._state_under is not None
         displacement, pressure = self._state_under(normal)
         pad = self._segments.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
@@ -212,7 +214,7 @@ def _linearised_at(pad: LoadedPad, unknowns: bytes, value: bytes) -> Linearised:
 
 
 def release_factor() -> None:
-    """Free the memory of the factor that was last used between nodes."""
+    """Free the memory of the factored matrix that was last used for states between the solved ones."""
     clear_caches(_linearised_at)
 
 

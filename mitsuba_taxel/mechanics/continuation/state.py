@@ -46,8 +46,8 @@ NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
 class StateComparison(NamedTuple):
-    """Errors of a state from the comparison with a second mesh, as in :class:`State`, and the time in s in which the
-    equilibria on the second mesh were solved.
+    """Errors of a state, from comparison with a solution on a second mesh. The fields are those of :class:`State`, and
+    the time in s of the second solution.
 
     ``deviate`` computes :attr:`State.deviations`, the changes of the displacement on coarser elements, which are needed
     for the errors of readings only.
@@ -64,7 +64,7 @@ def _no_rate() -> None:
 
 
 class PathRate(NamedTuple):
-    """Derivative of a state along its load path; see ``path_rate`` of :class:`State`."""
+    """Derivative of a state with respect to the load; see ``path_rate`` of :class:`State`."""
 
     direction: np.ndarray
     displacement: np.ndarray
@@ -180,13 +180,14 @@ class State(Displayed):
 
     @cached_property
     def deviations(self) -> np.ndarray | None:
-        """Deviations (2, N, 3), in mm, of the displacement on elements of twice the size, extrapolated from the second
-        mesh: the component along the displacement, and the remainder; None if unknown."""
+        """Estimated error of the displacement in parts (2, N, 3), in mm, for elements of twice the size: the component
+        along the displacement, and the remainder; None if unknown.
+        """
         return None if self._compared.deviate is None else self._compared.deviate()
 
     @property
     def probed_share(self) -> float:
-        """Fraction of the :attr:`deviations` by which a pad is displaced to compute their effect on readings.
+        """Fraction of the :attr:`deviations` by which a pad is displaced to compute how they change the readings.
 
         In general, changes of readings are proportional to this fraction. If the pad may touch bodies, they are not,
         and the fraction is that of the error.

@@ -26,7 +26,8 @@ CONVERGED = 1e-7
 
 
 class CriticalMode:
-    """The mode of a stable state with the least eigenvalue.
+    """The displacements against which a stable pad is least stiff: the eigenvector (mode) of its tangent with the least
+    eigenvalue.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ class CriticalMode:
         self.stiffness, self._mode = modes[self._place]
 
     def after(self, displacement: np.ndarray, velocity: np.ndarray, value: np.ndarray, material: Material) -> float:
-        """Stiffness against the mode in the equilibrium of a slightly changed pad.
+        """Stiffness against the mode after a small change of the pad or its load.
 
         Parameters
         ----------

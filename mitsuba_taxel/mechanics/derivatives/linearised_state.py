@@ -225,7 +225,9 @@ class LinearisedState:
         adjoints: dict[TangentBlock, np.ndarray] = {}
 
         def along(push: Push) -> float:
-            """Derivative of L with respect to a parameter, from the forces that the parameter causes per unit."""
+            """Derivative of the scalar L with respect to a parameter, from the forces that a unit of the parameter
+            causes.
+            """
             total = 0.0
             for block, forces in push.items():
                 if block not in adjoints:
@@ -331,8 +333,8 @@ class LinearisedState:
 
 
 class PressedState(LinearisedState):
-    """A linearised state under a force along z on an indenter, whose displacement changes so that the force stays
-    constant.
+    """A linearised state under a force along z on an indenter. The indenter moves so that the force stays constant when
+    material or shape change.
 
     The value of the linearised pad is the displacement of the indenter.
     """
@@ -411,7 +413,7 @@ class PressedState(LinearisedState):
 
 @contextmanager
 def rejections_named(load: Load, value: np.ndarray) -> Iterator[None]:
-    """Turn a rejection, or a lack of memory, into a ComputationError that names the load."""
+    """Turn a failed solution, or a lack of memory, into a ComputationError that names the load."""
     try:
         with memory_for("the tangent of the pad"):
             yield

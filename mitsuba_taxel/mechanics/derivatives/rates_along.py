@@ -27,7 +27,7 @@ STRAIGHT = 1e-9
 
 
 def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequence[np.ndarray]]) -> np.ndarray:
-    """K derivatives of each of S states whose loads lie on a straight line.
+    """Derivatives of S states whose loads lie on a straight line, from the computed derivatives of few of them.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def linearise(state: State) -> LinearisedState:
 
 
 def mirrors_of_state(state: State) -> tuple[Mirror, ...]:
-    """The mirrors under which both the pad and its state are symmetric."""
+    """The planes of symmetry (mirrors) of both the pad and its deformed state."""
     images = mirror_images(state.mesh, state.load)
     largest = np.abs(state.displacement).max()
 

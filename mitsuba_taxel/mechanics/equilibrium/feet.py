@@ -1,4 +1,4 @@
-"""The feet of a pad's upright outer edges, where two free sides meet the glued bottom.
+"""The feet of a pad: the points where upright outer edges, at which two free sides meet, end at the glued bottom.
 
 There the volume ratio of any law for large strains falls without limit as elements become smaller: the foot rolls over
 onto the board, and the path of a pad with ``self_contact`` would end because of its elements. A linear law has no such
@@ -51,12 +51,15 @@ def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndar
 
 
 def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
-    """Mask (m, q): whether the quadrature points of the elements are near a foot."""
+    """Mask (m, q): whether the q quadrature points of m elements are near a foot, where an upright outer edge meets the
+    glued bottom.
+    """
     return are_at_feet(mesh, quadrature_places(mesh), fraction)
 
 
 def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
-    """A sentence for messages about a contact with the board near a foot.
+    """A sentence for messages about a contact of the pad with the board near a foot, where an upright outer edge meets
+    the bottom.
 
     Parameters
     ----------

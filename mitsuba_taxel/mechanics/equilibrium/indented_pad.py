@@ -374,7 +374,8 @@ class _LinearContact:
         self._responses = np.zeros((len(self._slack), 0))
 
     def step(self, state: Configuration, forces: np.ndarray, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Step to a stable equilibrium of the linear pad and the indenter.
+        """A step of Newton's method: the change of the unknowns of the linearised pad, with the contact pressures that
+        the indenter then exerts.
 
         The unknowns of the pad are eliminated (Schur complement): gaps are then linear in the pressures. Their small
         matrix is the flexibility of the pad at the nodes that may come into contact.

@@ -21,7 +21,7 @@ MOST_REFINEMENTS = 20
 
 
 class Steps(Protocol):
-    """A tangent that is factored, or approximated by the factors of another state."""
+    """Interface of a tangent matrix that is factored, or approximated by the factors of another state."""
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
         """The change of the unknowns for a residual, to the accuracy of the factors, for use in an iteration.

@@ -130,7 +130,7 @@ class LoadedPad(MeshedPad):
     def refuse_unstable(
         self, unknowns: np.ndarray, entries: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> None:
-        """Raise Rejected if an equilibrium is unstable against the displacements that :class:`Stability` checks.
+        """Raise Rejected if an equilibrium is unstable against displacements that :class:`Stability` checks.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class LoadedPad(MeshedPad):
     def solve_between(
         self, start: np.ndarray, value: np.ndarray, near: Callable[[], Linearised]
     ) -> tuple[Solution, Linearised]:
-        """See :meth:`solve_linearised`; between two stable states of a path.
+        """The result of :meth:`solve_linearised` for a load between those of two stable states of a path.
 
         Parameters
         ----------
@@ -372,7 +372,7 @@ class LoadedPad(MeshedPad):
     def figures_at(
         self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool, history: History = NO_HISTORY
     ) -> Solution:
-        """The solution with given unknowns, such as interpolated ones, and its residual and smallest volume ratio.
+        """The solution with given unknowns, with its residual and smallest volume ratio computed from them.
 
         Parameters
         ----------

@@ -75,7 +75,7 @@ class MeshedPad:
 
     @property
     def contacts(self) -> Contacts | None:
-        """The barriers of the pad; None if its load has no ``self_contact``."""
+        """The barriers that keep the walls of the pad apart; None if its load has no ``self_contact``."""
         return None
 
     def _linear(self) -> np.ndarray | None:
@@ -113,11 +113,11 @@ class MeshedPad:
         return self.part.expand(*self.numbering.split_rate(rate, displacement))
 
     def gather(self, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Unknowns of a state of the whole pad that has the symmetry of the load."""
+        """Convert a state of the whole pad, which must have the symmetry of the load, to the vector of unknowns."""
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Start of a solution: the guess or, if the kind of pad limits the step, a point between ``known`` and the
+        """Start of an iteration: the guess or, if the kind of pad limits the step, a point between ``known`` and the
         guess.
 
         Parameters
@@ -135,7 +135,9 @@ class MeshedPad:
         return guess
 
     def ticks(self, response: np.ndarray) -> int:
-        """Number of ticks (smallest fractions of a step), from the first-order change of the unknowns in a step."""
+        """Number of ticks into which a step of the load path is divided, from the first-order change of the unknowns in
+        a step.
+        """
         return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split_rate(response, None)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
@@ -160,7 +162,7 @@ class MeshedPad:
         return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
 
     def size_of(self, stress: np.ndarray) -> float:
-        """Root mean square, over the pad, of a stress (m, q, 6), in MPa."""
+        """Root mean square over the pad of a stress (m, q, 6), in MPa."""
         weight = self.model.assembly.elements.weight
         squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
         return float(np.sqrt((weight * squares).sum() / weight.sum()))
@@ -219,7 +221,7 @@ class MeshedPad:
 
     @cached_property
     def contact(self) -> ContactTest:
-        """Contact test for states of the whole pad, which the states of the part determine."""
+        """Test whether states of the whole pad touch something; the states of the symmetric part determine them."""
         return ContactTest(self.whole, nodes=self.part.nodes)
 
     def correction(

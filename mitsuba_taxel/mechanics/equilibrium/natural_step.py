@@ -48,7 +48,8 @@ def natural_step(mesh: VolumeMesh, material: Material, load: Load) -> float:
 
 
 def ticks_of(elements: Elements, response: np.ndarray) -> int:
-    """Number of ticks, the smallest fractions of a step: a power of two times :data:`TICKS`.
+    """Number of ticks, the shortest intervals between solved states, in a step of a load path: a power of two times
+    :data:`TICKS`.
 
     The step is defined by the strain of a block. Under the same pressure, a plate of side a and thickness t bends about
     (a / t)^3 times as much, so it rotates before it strains. If the linear response of the pad to the usual fraction

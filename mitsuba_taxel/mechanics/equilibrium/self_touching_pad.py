@@ -70,7 +70,9 @@ class SelfTouchingPad(LoadedPad):
         return sparse.csr_array(self.model.over_unknowns(of_part))
 
     def closer(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """The unknowns of the equilibrium near a state, with half the reach of the barriers."""
+        """The unknowns of the equilibrium near a state if the barriers (repulsive forces between walls) have half their
+        range.
+        """
         arguments = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
         return type(self)(*arguments, bodies=self._bodies, fraction=0.5 * self._fraction).equilibrium(unknowns, value)
 

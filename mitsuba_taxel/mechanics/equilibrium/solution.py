@@ -57,7 +57,7 @@ class Solution:
 
 
 class Rejected(Exception):
-    """Raised for a step that leads to no acceptable state; the message states the reason."""
+    """Raised for a step that leads to no acceptable state of the pad; the message states the reason."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Balanced:
 
 
 def singular(failure: RuntimeError) -> Rejected:
-    """The rejection of a step whose tangent cannot be factored."""
+    """The exception for a step whose tangent matrix cannot be factored."""
     return Rejected(f"the tangent is singular ({failure})")
 
 

@@ -72,8 +72,8 @@ class Stability:
         value: np.ndarray,
         stress_update: StressUpdate | None = None,
     ) -> int:
-        """Number of negative eigenvalues beyond those of the pressures, in the first block that has more than these; 0
-        if the pad is stable.
+        """Number of negative eigenvalues of the tangent beyond those of the pressures: 0 if the pad is stable. The
+        count is that of the first unstable block.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class _Pieces:
         self._cuts = np.concatenate([_faces_on(model.mesh, wall) for wall in model.part.walls if signs[0][wall] == CUT])
 
     def are_stable(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> bool:
-        """Whether all pieces are certainly stable.
+        """Whether all pieces into which the planes of symmetry cut the pad are certainly stable.
 
         Parameters
         ----------
@@ -164,7 +164,9 @@ class _Pieces:
             return False
 
     def with_pressure(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Entries of the tangent, including those of the pressure that acts in the cuts."""
+        """Entries of the tangent of a piece, including those of the pressure that acts in the planes of symmetry along
+        which the pad is cut.
+        """
         displacement, pressure = self._model.part.restrict(displacement, pressure)
         in_cuts = pressure[self._cuts[:, :3]].mean(axis=1)
         stiffness = in_cuts[:, None, None] * pressure_stiffness((self._model.mesh.points + displacement)[self._cuts])
@@ -181,7 +183,7 @@ class _Block:
     solver: Solver
 
     def surplus(self, entries: np.ndarray, constraints: LoadConstraints | None = None) -> int:
-        """Number of negative eigenvalues of the tangent beyond those of the pressures.
+        """Number of negative eigenvalues of this block of the tangent beyond those of the pressures.
 
         Parameters
         ----------

@@ -63,19 +63,22 @@ class TangentBlock:
         self._solver = make_solver()
 
     def turned(self, mirror: Mirror) -> TangentBlock:
-        """The block of displacements that a mirror maps to the displacements of this block."""
+        """The block of those displacements that a mirror maps to the displacements of this block."""
         return TangentBlock(self._whole, self.model, self._signs, self._images, mirror)
 
     def of_value(self, value: np.ndarray) -> np.ndarray:
-        """Component of this symmetry type of a load's value: a vector, a pressure, or a force and a moment."""
+        """Component of a load's value that has this symmetry type; the value is a vector, a pressure, or a force and a
+        moment.
+        """
         value = mirrored_value(self._turn, value) if self._turn else value
         for mirror, sign in self._signs:
             value = 0.5 * (value + sign * mirrored_value(mirror, value))
         return value
 
     def of_field(self, field: np.ndarray) -> np.ndarray:
-        """Component of this symmetry type, (n, 3) on the part, of a vector field (N, 3) at the nodes of the whole
-        pad."""
+        """Component of a vector field (N, 3) at the nodes of the whole pad that has this symmetry type, (n, 3) on the
+        part.
+        """
         field = self._image(field)
         for mirror, sign in self._signs:
             field = 0.5 * (field + sign * mirror.image(field[self._images[mirror]]))
@@ -202,7 +205,7 @@ class TangentBlock:
 
 
 def reflection(mirror: Mirror, image: np.ndarray, corners: int) -> sparse.csr_array:
-    """The matrix that mirrors a state.
+    """The matrix that maps displacements and pressures to their mirror image.
 
     Parameters
     ----------

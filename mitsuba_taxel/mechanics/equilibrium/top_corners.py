@@ -15,7 +15,8 @@ HARMLESS = 0.2
 
 
 def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Pressure at which corners of the top become unstable, if the load exceeds that pressure.
+    """Pressure at which the load makes sharp corners of the top unstable; infinite if the load stays below that
+    pressure.
 
     Parameters
     ----------

@@ -101,7 +101,8 @@ def top_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
 
 
 class RoofComparison:
-    """Comparison of solutions on a mesh of N nodes with those on a coarser or finer mesh of N' nodes of the same pad.
+    """Comparison of solutions of one pad on two meshes, one of which is coarser, for the error at the roofs of its
+    cells.
 
     Parameters
     ----------

@@ -83,8 +83,9 @@ class SecondMeshes:
         yield from self._of_sizes([*default, *(relative_size * start for relative_size in finer)])
 
     def coarsest(self) -> Iterator[tuple[PadPath, RoofComparison]]:
-        """Paths on coarser meshes whose sizes differ less, used if no other path bears the load and fits into
-        memory."""
+        """Paths on coarser meshes whose element sizes differ less, used if no other path bears the load and fits into
+        memory.
+        """
         sizes = [relative_size * self._path.mesh_size for relative_size in COARSEST]
         tried = [size for size in sizes if self._known.get((size, LEAST_RATIO))]
         yield from self._of_sizes([size for size in sizes if size not in tried], LEAST_RATIO_OF_COARSER)
@@ -111,8 +112,8 @@ class SecondMeshes:
             return True
 
     def first(self, compare: Callable[[PadPath, RoofComparison], Result]) -> Result | None:
-        """Result of the comparison with the first other path that bears the load and fits into memory; None if none
-        does.
+        """Result of the comparison with the first other mesh on which the load is borne and which fits into memory;
+        None if there is none.
 
         Parameters
         ----------
@@ -132,7 +133,7 @@ class SecondMeshes:
         return None
 
     def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> StateComparison:
-        """Comparison of a canonical state with that on the first other mesh that bears the load.
+        """Comparison of a state with the state on the first other mesh that bears the load.
 
         Parameters
         ----------
@@ -198,8 +199,7 @@ class SecondMeshes:
         return 0.0 if judge is None else TYPICAL_ERROR * top_ratio(judge.mesh, self._path.mesh) ** ORDER
 
     def typical(self, error: float) -> float:
-        """Estimate of the error on the path's elements from ``error``, which is typical of elements of the default
-        size."""
+        """Estimate of the error on these elements, from an error that is typical of elements of the default size."""
         relative_size = min(self._path.mesh_size / self._path.pad.default_mesh_size, COARSENING)
         return error * relative_size**ORDER  # larger elements may all have the coarsest possible mesh
 
@@ -226,7 +226,7 @@ def _small_responses(path: PadPath) -> list[np.ndarray]:
 
 @kept(16)
 def second_meshes(path: PadPath) -> SecondMeshes:
-    """The second meshes of a path; all callers share one object."""
+    """The meshes of other element sizes for a load path; all callers share one object."""
     return SecondMeshes(path)
 
 
@@ -267,7 +267,7 @@ def _mirrored(path: PadPath, deviate: Callable[[], np.ndarray], mirrors: list[Mi
 
 
 def share_of(error: float, force: np.ndarray) -> float:
-    """Relative error of a force.
+    """Error of a force, relative to the force.
 
     Parameters
     ----------
@@ -293,7 +293,8 @@ def carried_to(
     pressure: np.ndarray,
     moved: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
-    """A canonical state of a path; under an indenter, solved from the same state on another mesh as first guess.
+    """The state under a load on the elements of a path; under an indenter, the state on another mesh is the first
+    guess.
 
     Without friction a state does not depend on the path that leads to it.
 

@@ -23,7 +23,7 @@ from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class SecondState(NamedTuple):
-    """A state on elements of another size.
+    """A state under the same load on elements of another size, and how errors follow from the difference.
 
     Attributes
     ----------

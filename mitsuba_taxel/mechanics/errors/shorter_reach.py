@@ -34,7 +34,8 @@ class _Closer(NamedTuple):
 def with_reach(
     path: PadPath, comparison: StateComparison, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray
 ) -> StateComparison:
-    """The comparison of a canonical state with a second mesh, with the error due to the reach of the barriers added.
+    """Add the error due to the reach of the barriers (repulsive forces between walls) to a comparison with a second
+    mesh.
 
     Parameters
     ----------

@@ -42,7 +42,8 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 class PushedPath(TimedPath):
-    """A :class:`TimedPath` under forces on an indenter."""
+    """States under forces on an indenter that depend on earlier states: on a viscoelastic silicone, or with friction.
+    """
 
     def _next(self, before: TimeState, rows: LoadHistory) -> TimeState:
         began, at = clock.perf_counter(), self._pushed(before, rows)

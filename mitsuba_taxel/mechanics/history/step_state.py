@@ -14,8 +14,9 @@ from mitsuba_taxel.mechanics.materials.creep import Growth
 
 
 class PathEnded(Exception):
-    """Raised where a load path ends, with the ``reason``, the last ``value`` of the load, the ``fraction`` of the
-    interval between two rows that was reached, and the ``contact`` there."""
+    """Raised where a load path ends. It carries the ``reason``, the last ``value`` of the load, the ``fraction`` of the
+    interval between two rows that was reached, and the ``contact`` there.
+    """
 
     def __init__(self, value: np.ndarray, fraction: float, reason: str, contact: Contact | None = None) -> None:
         super().__init__(reason)
@@ -23,7 +24,9 @@ class PathEnded(Exception):
 
 
 class StepTooLong(Exception):
-    """Raised where a step that spans several rows is not accurate enough; a step ``factor`` times as long may be."""
+    """Raised where a time step that spans several rows of the load is not accurate enough; a step ``factor`` times as
+    long may be.
+    """
 
     def __init__(self, factor: float) -> None:
         super().__init__(factor)
@@ -49,8 +52,7 @@ class StepError:
 
 @dataclass(frozen=True, eq=False)
 class PartMidStep:
-    """A :class:`MidStep` over the unknowns of the solved part of the pad. ``growth`` is the measure of time of the
-    step; ``error`` is the relative size of the remainder, a vector of displacements."""
+    """The middle of a time step, over the unknowns of the solved part of the pad, as :class:`MidStep` describes it."""
 
     growth: Growth
     start_velocity: np.ndarray
@@ -99,5 +101,5 @@ class StepState:
 
     @property
     def unknowns(self) -> np.ndarray:
-        """Unknowns of the part."""
+        """Unknowns of the solved part of the pad."""
         return self.solution.unknowns

@@ -19,7 +19,7 @@ QUARTER = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """Displacements and pressures of the whole pad at a time, their rates, and the estimated error.
+    """Displacements and pressures of the whole pad at a time, with their rates and the estimated error.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class LoadState:
 
 @dataclass(frozen=True, eq=False)
 class MidStep:
-    """The state of the whole pad in the middle of a step.
+    """The state of the whole pad in the middle of a time step, as corrections to the interpolation between its ends.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class MidStep:
 
 @dataclass(frozen=True, eq=False)
 class StepControl:
-    """Data of a step from which the next step starts.
+    """What the choice of the next time step needs to know of the last one.
 
     Attributes
     ----------
@@ -108,10 +108,12 @@ class StepControl:
 
 @dataclass(frozen=True, eq=False)
 class Figures:
-    """Figures of the solution of a state, as in :class:`~mitsuba_taxel.mechanics.continuation.state.State`.
+    """Quality of a solved state: residual, smallest volume ratio and errors, as in
+    :class:`~mitsuba_taxel.mechanics.continuation.state.State`.
 
     ``uncertainty`` is that of :class:`~mitsuba_taxel.mechanics.history.step_state.StepError` in mm; ``stress_error`` is
-    the relative error of the stress due to time steps."""
+    the relative error of the stress due to time steps.
+    """
 
     min_jacobian: float
     residual: float
@@ -124,7 +126,7 @@ class Figures:
 
 @dataclass(frozen=True, eq=False)
 class TimeState:
-    """The pad at a ``time`` in s; ``variables`` are the internal variables of the solved part of the pad.
+    """The pad at a ``time`` in s, with the internal variables of the solved part of the pad.
 
     ``traction`` (2 N, 3) in MPa is the traction of friction at nodes of the top, then of the outside. ``mid_step`` is
     None if the last step ends at a row.
@@ -140,7 +142,7 @@ class TimeState:
     mid_step: MidStep | None = None
 
     def on_its_way(self, time: float, value: np.ndarray) -> bool:
-        """Whether the load has a given value at another time, if its rate does not change.
+        """Whether the load, if it continues at its present rate, has a given value at another time.
 
         Parameters
         ----------
@@ -162,7 +164,7 @@ class TimeState:
 
     @classmethod
     def from_arrays(cls, arrays: dict[str, np.ndarray]) -> TimeState:
-        """The inverse of :func:`~mitsuba_taxel.mechanics.cache.arrays_of`."""
+        """Restore a state from the arrays of :func:`~mitsuba_taxel.mechanics.cache.arrays_of`."""
         values: dict[str, Any] = cache.values_of(arrays)
         return cls(
             time=values["time"],
@@ -177,7 +179,7 @@ class TimeState:
 
 
 def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: float) -> Shape:
-    """The shape at a time within a step that spans several rows.
+    """Displacements and pressures at a time within a time step that spans several rows of the load.
 
     The shape is that of the cubics between both ends, corrected so that the middle has the value after one step of
     Newton's method. The error is the step that Newton's method would then add a quarter of the step from an end.
@@ -220,9 +222,9 @@ def without_cancelling(error: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 class StepCubics:
-    """Interpolation of the unknowns within a step: cubic polynomials in its main measure of time (see
-    :class:`Measures`), from the values and rates at both ends. Parabolas replace them if rates with respect to that
-    measure are not resolved at the end.
+    """Interpolation of the unknowns within a time step, from the values and rates at both ends: cubic polynomials in
+    its main measure of time (see :class:`Measures`). Parabolas replace them if rates with respect to that measure are
+    not resolved at the end.
 
     Pressures also have a linear term in the other measure, if there is one.
 
@@ -259,7 +261,7 @@ class StepCubics:
         self._last = 2 * self._main - self._first if main.ends else end_rate / main.rate(main.duration)
 
     def at(self, elapsed: float) -> np.ndarray:
-        """The unknowns at a time in s since the start."""
+        """The unknowns at a time in s since the start of the step."""
         main, second = self.measures.main, self.measures.second
         t = float(main.at(elapsed))
         bent = t * (1 - t) * ((1 - t) * self._first - t * self._last)

@@ -96,7 +96,7 @@ class RowSteps:
         self._judged = judged
 
     def run(self, touch: Touch) -> StepState:
-        """The state at the end of the interval, in as many steps as the error requires.
+        """The state at the end of the interval between two rows, in as many time steps as the error requires.
 
         If stress is linear in time within steps, the error of the first step after a change of the load's rate is
         estimated together with that of the second step, and both are repeated if it is too large.
@@ -163,7 +163,7 @@ class RowSteps:
         return replace(here, next_length=min(length * self._duration, self._furthest))
 
     def single(self, touch: Touch) -> StepState:
-        """The state at the end of the interval by a single step, within which states may be interpolated.
+        """The state at the end of the interval by a single time step, within which states may be interpolated.
 
         Parameters
         ----------
@@ -360,7 +360,7 @@ class RowSteps:
         return error, replace(after, variables=variables, error=StepError(deviation, uncertainty))
 
     def deviation(self, end: StepState) -> np.ndarray:
-        """Estimated error (unknowns,) due to time steps.
+        """Estimated error (unknowns,) of the state at the end due to the time steps so far.
 
         The error of each step is known to a fraction `DOUBT`. Errors of steps may cancel; these uncertainties do not.
         """
@@ -375,7 +375,7 @@ class RowSteps:
 
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
-    """Whether steps may span several rows.
+    """Whether time steps may be longer than the interval between two rows of the load.
 
     Parameters
     ----------
@@ -393,7 +393,7 @@ def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
 
 
 def response(load: Load, material: Viscoelastic) -> CreepResponse:
-    """Response of a pad to a load that jumps to 1: creep under a force or pressure, relaxation under a displacement.
+    """How the pad responds when its load jumps to 1: creep under a force or pressure, relaxation under a displacement.
 
     Parameters
     ----------
@@ -411,7 +411,7 @@ def response(load: Load, material: Viscoelastic) -> CreepResponse:
 
 
 def furthest(pad: LoadedPad, to_load: CreepResponse, rate: np.ndarray) -> float:
-    """Length of the longest step that may span several rows.
+    """Length in s of the longest time step that may span several rows of the load.
 
     Parameters
     ----------

@@ -32,7 +32,8 @@ from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
 
 class TimedPath(TimedStates):
-    """States of one history-dependent pad under one kind of load, cached on disk, a few in memory.
+    """States of one history-dependent pad (viscoelastic or with friction) under one kind of load, cached on disk, a few
+    in memory.
 
     Parameters are those of :class:`TimedStates`.
     """

@@ -59,7 +59,8 @@ AGAIN = 1.5
 
 
 class TimedStates:
-    """Solved states of one history-dependent pad under one kind of load, cached on disk, a few in memory.
+    """Solved states of one history-dependent pad (viscoelastic or with friction) under one kind of load, cached on
+    disk, a few in memory.
 
     Parameters
     ----------

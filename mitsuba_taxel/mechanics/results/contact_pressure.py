@@ -40,7 +40,7 @@ def contact_pressure(state: State) -> np.ndarray:
 
 
 def indentation_of(state: State) -> tuple[Indentation, ContactState]:
-    """The indenter of a state, and the gaps, pressures and forces of its contact with the pad.
+    """The contact of an indenter with the pad in a state: the indenter, and the gaps, pressures and forces.
 
     Parameters
     ----------

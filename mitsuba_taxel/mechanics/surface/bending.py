@@ -84,5 +84,5 @@ def bent_normals(surface: Surface, curvature: np.ndarray) -> np.ndarray:
 
 
 def wall_numbers(cell: np.ndarray, region: np.ndarray) -> np.ndarray:
-    """Number of the wall of each face or triangle, from its cell and its region."""
+    """Number of the wall to which each face or triangle belongs, from its cell and its region."""
     return np.asarray(cell, dtype=int) * (max(REGIONS.values()) + 1) + region

@@ -51,7 +51,8 @@ def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """The corners of the triangles of a surface, with a point for each smooth sheet on which a vertex lies.
+    """The corners of the triangles of a surface, with a separate point for each smooth part (sheet) of the surface at a
+    vertex.
 
     Attributes
     ----------

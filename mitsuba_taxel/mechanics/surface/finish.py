@@ -38,7 +38,8 @@ def _refinement(default: float) -> float:
 
 
 class Finish(Hashable, Protocol):
-    """Interface of a finish: the microscopic shape of the walls of cells."""
+    """Base of the finishes of a mould: the microscopic shape of the walls of cells, such as layer steps or roughness.
+    """
 
     cuts: ClassVar[int]
     """Number of planes per :attr:`detail` that cut the surface."""
@@ -49,7 +50,7 @@ class Finish(Hashable, Protocol):
 
     @property
     def detail(self) -> tuple[str, float]:
-        """Name and value in mm of the length that the surface must resolve."""
+        """Name and value in mm of the finest length of the finish, which the triangles of the surface must resolve."""
 
     @property
     def amplitude(self) -> tuple[str, float, float]:
@@ -197,7 +198,9 @@ class RandomRoughness(Checked):
 
     @property
     def blunt(self) -> BluntHeights:
-        """The same heights with reduced slopes; their readings give the error due to triangles."""
+        """The same random heights with smaller slopes. The change of the readings with them gives the error due to flat
+        triangles.
+        """
         return BluntHeights(self.rms_height, self.correlation_length, self.seed, self.refinement)
 
     def heights(self, points: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ class SmoothSurface:
     walls: tuple[str, ...] = ("roof", "side")
 
     def with_rough(self, walls: tuple[str, ...]) -> SmoothSurface:
-        """The same surface, with the finish on the regions ``walls``."""
+        """The smooth surface of the same pad, with the finish on the regions ``walls`` only."""
         return replace(self, walls=walls)
 
     @cached_property
@@ -65,7 +65,7 @@ class SmoothSurface:
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """A closed rough surface of V vertices and T triangles, relative to a :class:`SmoothSurface` of V' vertices.
+    """A closed rough surface of V vertices and T triangles, stored relative to the smooth surface of V' vertices.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Relief:
         return cls(number, number, np.zeros(len(number)), offset, smooth.triangles, np.arange(len(smooth.triangles)))
 
     def then(self, other: Relief) -> Relief:
-        """This relief, followed by another relief relative to the surface that results."""
+        """The relief that results if another relief is applied to the surface of this one."""
         offset = other.offset + other.between(self.offset)
         return replace(other, offset=offset, parents=self.parents[other.parents], base=self)
 
@@ -119,7 +119,9 @@ class Relief:
         return self.between(position) + self.offset + stretch
 
     def between(self, values: np.ndarray) -> np.ndarray:
-        """Values (V, ...) at the vertices, from values (V', ...) at the vertices of the smooth surface."""
+        """Interpolate values (V, ...) at the rough surface's vertices from values (V', ...) at the smooth surface's
+        vertices.
+        """
         values = values if self.base is None else self.base.between(values)
         fraction = self.fraction.reshape(-1, *(1,) * (values.ndim - 1))
         return values[self.low] + fraction * (values[self.high] - values[self.low])

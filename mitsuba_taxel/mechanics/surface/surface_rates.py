@@ -28,7 +28,8 @@ def surface_rates(
     shape_velocity: np.ndarray | None = None,
     cells: Sequence[int] | None = None,
 ) -> np.ndarray:
-    """Derivative of the vertices of :func:`tessellate`, without a finish, with respect to a parameter of the pad.
+    """Derivative of the vertices of a deformed surface with respect to a parameter of the pad. The surface is that of
+    :func:`tessellate`, without a finish.
 
     Parameters
     ----------
@@ -82,7 +83,8 @@ def surface_rates(
 def surface_gradient(
     state: State, subdivision: int, gradient: np.ndarray, cells: Sequence[int] | None = None
 ) -> np.ndarray:
-    """Derivatives of a scalar with respect to displacements, from those with respect to vertices of :func:`tessellate`.
+    """Derivatives of a scalar with respect to nodal displacements, from its derivatives with respect to the vertices of
+    :func:`tessellate`.
 
     The transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. If the parameter changes the
     undeformed shape, add the sum of ``gradient`` times the result of :func:`surface_rates` for a displacement rate of

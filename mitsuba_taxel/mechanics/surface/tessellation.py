@@ -74,12 +74,14 @@ class Surface:
 
     @property
     def shut(self) -> np.ndarray:
-        """Mask (T,): whether all corners of each triangle touch a package."""
+        """Mask (T,): whether no light passes a triangle, as all of its corners touch a package."""
         return self.touches[self.triangles].all(axis=1)
 
     @property
     def facing(self) -> np.ndarray:
-        """Vertices (V, 3) in mm for light transport, with the mean position of the curved walls."""
+        """Vertices (V, 3) in mm for light transport, moved so that flat triangles have the mean position of the curved
+        walls.
+        """
         return self.vertices + self.offsets
 
 
@@ -337,7 +339,7 @@ def knows_walls(pad: AnyPad | None) -> bool:
 def placed(
     mesh: VolumeMesh, face: np.ndarray, points: np.ndarray, pad: AnyPad | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of faces, moved onto the exact walls of a pad if these are known.
+    """Move points of faces onto the exact walls of a pad, if these are known.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class SeparateFinish:
 
 
 def by_walls(finish: Finish | SeparateFinish) -> list[tuple[Finish, tuple[str, ...]]]:
-    """The finishes of a mould, in the order in which they are applied.
+    """The finishes of a mould by region of the walls, in the order in which they are applied.
 
     Parameters
     ----------

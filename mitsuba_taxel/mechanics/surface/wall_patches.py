@@ -24,7 +24,7 @@ BESIDE = 0.1
 
 @dataclass(frozen=True, eq=False)
 class WallPatches:
-    """Faces of a mesh with lattice points on each face, which move with the elements of this or another mesh.
+    """Curved patches on the walls of a cell: lattice points on each face of a mesh, which move with the elements.
 
     The cells of built-in pads are equal, so that the faces of one cell represent all cells.
 
@@ -53,17 +53,19 @@ class WallPatches:
 
     @cached_property
     def pattern(self) -> np.ndarray:
-        """Undeformed lattice points (F, K, 3) in mm, in the cell of the faces."""
+        """Undeformed lattice points (F, K, 3) in mm, K on each of F faces, in the cell for which the faces are stored;
+        equal cells share them.
+        """
         return self._placed(self.walls.points, self.pad)
 
     @cached_property
     def shift(self) -> np.ndarray:
-        """Vector (3,) in mm from the cell of the faces to the represented cell."""
+        """Vector (3,) in mm from the cell for which the faces are stored to the cell that this object represents."""
         return self._shift(self.pad)
 
     @cached_property
     def rest(self) -> np.ndarray:
-        """Undeformed lattice points (F, K, 3) in mm, in the represented cell."""
+        """Undeformed lattice points (F, K, 3) in mm, K on each of F faces, in the cell that this object represents."""
         return self.pattern + self.shift
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
