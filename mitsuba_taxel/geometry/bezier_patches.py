@@ -53,7 +53,7 @@ def control_points(nodes: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def first_touch(first: np.ndarray, second: np.ndarray, shared: str, tolerance: float) -> Place | None:
-    """A point at which, in one of n pairs, a patch touches its partner.
+    """A point at which the two curved patches of any of n pairs touch.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def _common_point(pair: np.ndarray) -> Place:
 
 
 def bulge(patches: np.ndarray) -> np.ndarray:
-    """Largest distance of the control points of patches from their flat triangles.
+    """Distance by which curved patches deviate from their flat triangles: the largest over their control points.
 
     Parameters
     ----------

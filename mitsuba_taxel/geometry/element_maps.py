@@ -9,7 +9,8 @@ from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 
 
 def jacobians(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Determinant of the map of each tetrahedron at its ten nodes, relative to that of the straight one.
+    """Determinant of the map from the reference element to each curved tetrahedron at its ten nodes, divided by the
+    determinant for the tetrahedron with straight edges.
 
     Parameters
     ----------
@@ -28,7 +29,7 @@ def jacobians(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def map_determinants(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Determinant of the map of each tetrahedron at its ten nodes.
+    """Determinant of the map from the reference element to each curved tetrahedron, at its ten nodes.
 
     Parameters
     ----------
@@ -68,8 +69,8 @@ def curved_volume(mesh: VolumeMesh) -> float:
 
 
 def worst_element(mesh: VolumeMesh) -> tuple[float, np.ndarray]:
-    """Least relative determinant of all elements (see :func:`jacobians`), negative if an element is inverted, and the
-    position of that element.
+    """The most distorted element of a mesh: its least relative determinant (see :func:`jacobians`), negative if the
+    element is inverted, and its position.
 
     Parameters
     ----------

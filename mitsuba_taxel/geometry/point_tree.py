@@ -34,7 +34,7 @@ class PointTree:
         return self._tree.query_ball_point(points + self._shift, radius)
 
     def count_pairs(self, radius: float) -> int:
-        """Number of pairs that :meth:`query_pairs` would return."""
+        """Number of pairs of points within a radius of each other: the length of the result of :meth:`query_pairs`."""
         return (int(self._tree.count_neighbors(self._tree, radius)) - self._tree.n) // 2
 
     def query_pairs(self, radius: float) -> np.ndarray:

@@ -73,7 +73,7 @@ def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> 
 
 
 def bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
-    """The mesh with some edges cut in their middles.
+    """The mesh with some edges, and all elements at these edges, cut in half.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def of_pieces(
     faces: np.ndarray,
     face_parent: np.ndarray,
 ) -> VolumeMesh:
-    """The mesh of M pieces into which the elements of another mesh are divided.
+    """The mesh that results from dividing each element of another mesh into pieces, M pieces altogether.
 
     Parameters
     ----------

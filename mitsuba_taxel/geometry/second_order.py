@@ -18,7 +18,7 @@ _SIDES = np.array(
 
 
 def positive(points: np.ndarray, tets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The points that are corners of tetrahedra, and the tetrahedra, all positively oriented.
+    """Orient all tetrahedra positively, and drop points that no tetrahedron uses.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def _once(sides: np.ndarray) -> np.ndarray:
 
 
 def edge_ends(tets: np.ndarray) -> np.ndarray:
-    """The corners at both ends of the edge on which each of E mid-edge nodes lies.
+    """The two corners at the ends of the edge on which each of E mid-edge nodes lies.
 
     Parameters
     ----------

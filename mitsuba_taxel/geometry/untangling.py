@@ -20,7 +20,8 @@ TINY = 1e-6
 
 
 def untangled(mesh: VolumeMesh, least: float, sweeps: int = 8) -> VolumeMesh:
-    """The mesh with nodes of distorted elements moved, where that helps.
+    """Improve distorted elements of a mesh by moving their inner nodes; nodes are moved only where the quality of the
+    elements grows.
 
     A pattern search for each inner corner of a distorted element increases the least quality of the elements around it.
     Midpoints of its edges follow by half.

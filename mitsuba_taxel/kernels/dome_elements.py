@@ -23,8 +23,8 @@ memory."""
 
 
 def size_for_light(pad: AnyPad, load: Load, walls: list[mi.BSDF]) -> float | None:
-    """Element size of a pad whose light needs smaller elements than the default: pads of domes, and of cells with
-    mirrors.
+    """Size of the finite elements of a pad whose light needs smaller ones than the default: pads with domed cells, and
+    with mirrors on their walls.
 
     Parameters
     ----------

@@ -63,7 +63,8 @@ def regions_with(bsdf: mi.BSDF, flags: mi.BSDFFlags) -> list[int]:
 
 
 def clear_regions(bsdfs: list[mi.BSDF]) -> list[int]:
-    """Codes of the regions whose wall is the BSDF ``null``, through which light passes unchanged.
+    """Codes of the regions of a pad that are transparent: their wall is the BSDF ``null``, through which light passes
+    unchanged.
 
     Parameters
     ----------

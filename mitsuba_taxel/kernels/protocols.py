@@ -43,7 +43,7 @@ until ``heed`` is called. The value is a `mi.Properties`, which a scene file can
 
 
 class TaxelEnd(Protocol):
-    """Common interface of `annular_led` and `phototransistor`.
+    """Common interface of LEDs (`annular_led`) and `phototransistor`.
 
     ``resin_index`` is the refractive index of the resin in the windows above the dies, None without windows. ``table``
     is the table of the directional law, None for a formula: increasing cosines, and fraction of the power per solid

@@ -23,7 +23,7 @@ class UnknownState(Exception):
 
 
 class SceneState:
-    """State of a scene and of additional objects. Two states are equal if nothing has changed between them.
+    """State of a scene and of additional objects: two states are equal if nothing has changed between them.
 
     Raises
     ------
@@ -53,7 +53,7 @@ class SceneState:
 
 
 class KnownScene:
-    """Properties of a scene that are cached with the state for which they are valid.
+    """Properties of a scene that are cached, with the state of the scene for which they are valid.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class _Collector:
         self._seen: set[int] = set()
 
     def visit(self, value: Any) -> None:
-        """Add the contents of an object; raises `UnknownState`."""
+        """Record all variables and values in an object; raises `UnknownState` for an unknown kind of object."""
         kind = type(value)
         if dr.is_jit_v(kind) or (hasattr(kind, "DRJIT_STRUCT") and kind.__module__ == "mitsuba"):
             self.variables.append(value)

@@ -53,7 +53,7 @@ class Box:
 
 
 class Passage:
-    """Fraction of the light on straight segments that is not blocked by a box.
+    """Fraction of the light on straight segments between two points that a box does not block.
 
     Parameters
     ----------

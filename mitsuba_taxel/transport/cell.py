@@ -66,7 +66,8 @@ class ScatteringWalls:
 
 
 class Mesh:
-    """Quadrature on the walls of a cell, which follows from the undeformed state and is the same for all loads.
+    """Quadrature points on the walls of a cell, and the pairs of points between which light is exchanged. They follow
+    from the undeformed state and are the same for all loads.
 
     Parameters
     ----------
@@ -103,13 +104,14 @@ class Mesh:
         self.interpolation = sparse.csr_matrix((weights.ravel(), targets.ravel(), rows), shape=(points, len(self.own)))
 
     def by_target(self, vectors: list[np.ndarray]) -> np.ndarray:
-        """Sum (T, 3), for each target, of the vectors of its pairs, from their three components (N,) over all N
-        pairs."""
+        """Sum, for each of T targets, the vectors of its pairs: (T, 3), from the three components (N,) of the vectors
+        of all N pairs.
+        """
         return np.stack([np.add.reduceat(vector, self.first_pairs[:-1]) for vector in vectors], axis=1)
 
 
 class Cell:
-    """A cell in one state, with the path of light in it from the LED to the phototransistor.
+    """The light in one cell under one load: its path from the LED over the walls to the phototransistor.
 
     Parameters
     ----------
@@ -256,7 +258,7 @@ class Cell:
         return (weight * response).sum(axis=1) / weight.sum(axis=1)
 
     def flows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """M segments of light paths: from the LED, from wall to wall, and to the phototransistor.
+        """All M segments of light paths in the cell: from the LED, from wall to wall, and to the phototransistor.
 
         Returns
         -------
@@ -431,7 +433,7 @@ class Cell:
         return self._between_walls(None).in_plane()
 
     def change(self, led: End, phototransistor: End, box: Box | None, scattered: np.ndarray) -> float:
-        """First-order change of the reading.
+        """First-order change of the reading when parts of the scene change.
 
         Parameters
         ----------

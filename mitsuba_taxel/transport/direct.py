@@ -32,7 +32,8 @@ _COEFFICIENTS = np.linalg.inv(monomials(_NODES, DEGREE))
 
 
 class Direct:
-    """Correction of a reading: the direct response by the finer interpolation, minus that by the coarser one.
+    """Correction of a reading by finer interpolation of the light that the phototransistor receives directly from the
+    walls.
 
     Parameters
     ----------
@@ -71,17 +72,19 @@ class Direct:
 
     @property
     def value(self) -> float:
-        """Correction in W per W of the LED."""
+        """The correction in W per W of the LED."""
         return float(self.by_patch().sum())
 
     def by_patch(self) -> np.ndarray:
-        """Correction (F,) in W per W of the LED by the light on each patch."""
+        """The correction (F,) by the light on each of F patches, in W per W of the LED."""
         count = len(self._emission.positions)
         finer = np.bincount(self._points.face, self._power * self._reception.value, count)
         return finer - (self._emission.power * self._coarse).reshape(count, -1).sum(axis=1)
 
     def correction(self, lit: LitPoints) -> np.ndarray:
-        """Direct responses (N,) at N lit points, minus those of the coarser interpolation."""
+        """Correction of the direct responses (N,) at N lit points: the values by the finer interpolation minus those by
+        the coarser one.
+        """
         subpatches = self._subpatches
         number = subpatches.of_inside if lit is self._emission.inside else subpatches.of_edge
         finer = self._reception.value.reshape(-1, len(_NODES))[number]
@@ -91,7 +94,7 @@ class Direct:
 
     @property
     def is_finer(self) -> bool:
-        """Whether patches are divided."""
+        """Whether any patch is divided for the finer interpolation."""
         return len(self._subpatches.face) != len(self._emission.positions) or bool((self._subpatches.side != 1).any())
 
     def reception_errors(self, positions: np.ndarray | None = None) -> np.ndarray:
@@ -127,7 +130,7 @@ class Direct:
         return radiance(self._phototransistor, (power * received).sum(axis=1), scattered, area, by_rule, by_outline)
 
     def gradient(self, wider: float) -> np.ndarray:
-        """Derivatives (F, 15, 3) with respect to the positions of the patches, through the finer direct response alone.
+        """Derivatives (F, 15, 3) of the finer direct response alone, with respect to the positions of the patches.
 
         ``wider`` is that of :meth:`Reception.gradient`.
         """

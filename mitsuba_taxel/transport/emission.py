@@ -146,8 +146,9 @@ class Emission:
 
     @cached_property
     def deviation(self) -> np.ndarray:
-        """Power (F,) on each patch by the quadrature rules, minus the power within its outline, as a fraction of
-        the LED's power."""
+        """Quadrature error of the LED's power on each patch (F,): the power by the quadrature minus that within its
+        outline, as a fraction of the LED's power.
+        """
         if self._is_narrow:
             on_patch = np.bincount(self.inside.points.face, self._integrated, len(self.positions))
             return on_patch - self._within_outlines.sum(axis=0)
@@ -192,7 +193,7 @@ class Emission:
         return monomials(lit.points.at, self.degree) @ coefficients(self.degree)
 
     def at(self, lit: LitPoints, values: np.ndarray) -> np.ndarray:
-        """Interpolate values on the patches at lit points.
+        """Interpolate values that are given on the patches at points that the LED lights.
 
         Parameters
         ----------
@@ -372,7 +373,8 @@ def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
     area = Pieces(rows[:, 0], corners).areas()[:, None]
 
     def cut_off(node: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays (M, N, 2) from the tips to the opposite sides, at these nodes of the side.
+        """Rays (M, N, 2) in M triangles of the cone's edge, from their tips to the opposite sides, at given nodes of
+        the side.
 
         Also returned are the fractions (M, N) of the rays up to the edge, and their change per change of height.
         """

@@ -29,7 +29,7 @@ _TURN = threading.Lock()
 
 @dataclass(frozen=True, eq=False)
 class Starts:
-    """S points of walls that scatter light.
+    """S points of walls from which scattered light starts.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Starts:
     lambertian: np.ndarray
 
     def block(self, rows: slice) -> Starts:
-        """The points with the numbers ``rows``."""
+        """The starting points with the numbers ``rows`` only."""
         return Starts(self.at[rows], self.normal[rows], self.isotropic[rows], self.lambertian[rows])
 
 
@@ -129,7 +129,7 @@ class Exchange:
             return np.asarray(self._pairs().leaving)
 
     def subset(self, pairs: np.ndarray) -> Exchange:
-        """The light between the pairs with these numbers."""
+        """The light between selected pairs of points only, given by their numbers."""
         can_block = None if self._can_block is None else self._can_block[pairs]
         return Exchange(self._starts, *self._ends, self._start[pairs], self._end[pairs], self._box, can_block)
 
@@ -147,7 +147,7 @@ class Exchange:
         above: np.ndarray | None = None,
         by_leaving: np.ndarray | None = None,
     ) -> LightRates:
-        """Derivatives of the :meth:`values` with respect to the positions and normals of both points, times a weight.
+        """Derivatives of the exchanged light with respect to the positions and normals of both points, times a weight.
 
         Parameters
         ----------
@@ -233,12 +233,13 @@ class _Pairs:
 
     @property
     def even_below(self) -> Float64:
-        """Factor of isotropic light without the step to 0 at the horizon."""
+        """Factor of isotropic light without the step to 0 at the horizon: light below the horizon counts as well."""
         over = dr.select(self.facing > 0, dr.rcp(dr.square(self.distance)), 0)
         return self.isotropic / (2 * math.pi) * over * dr.sqrt(over)
 
     def at_horizon(self, width: float) -> Float64:
-        """Gain of isotropic light from directions that rise above the horizon of the start, per mm of ``leaving``.
+        """Derivative of isotropic light due to directions that rise above the horizon of the start, per mm of
+        ``leaving``.
 
         Visibility is discontinuous there; its derivative is smoothed over directions within a ``width`` (cosine). On a
         surface of uniform curvature both ends see each other equally: the difference of ``facing`` and ``leaving`` is

@@ -20,7 +20,8 @@ as crossed: curved pieces beside a start only touch its horizon."""
 
 
 class PiecesAtHorizon(NamedTuple):
-    """M pairs of a start and a point on a piece that crosses the horizon of the start.
+    """M pairs of a point from which light starts, and a point on a piece of a wall that crosses the horizon of the
+    start.
 
     Attributes
     ----------
@@ -38,7 +39,8 @@ class PiecesAtHorizon(NamedTuple):
 
 
 def pieces_at_horizon(pairs: Pairs, own: np.ndarray, normal: np.ndarray, leaving: np.ndarray) -> PiecesAtHorizon:
-    """Pieces that cross the horizon of a target, except pieces of the same wall.
+    """Find the pieces of walls that cross the horizon of a point from which light starts, except pieces of the same
+    wall.
 
     Parameters
     ----------

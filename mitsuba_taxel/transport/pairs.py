@@ -21,7 +21,7 @@ SELF_POINTS = 8
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """N pairs of a target and a quadrature point.
+    """N pairs of a target (a point at which light is computed) and a quadrature point on a patch.
 
     Attributes
     ----------

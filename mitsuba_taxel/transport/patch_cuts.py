@@ -40,12 +40,14 @@ class PatchCuts:
         object.__setattr__(self, "_weights", weights)
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """Values (C, 15, 3) at the 15 points of each triangle, from values (F, 15, 3) at the points of the patches."""
+        """Interpolate values (F, 15, 3), given at the points of the patches, at the 15 points of each triangle: (C, 15,
+        3).
+        """
         return self._weights @ values[self.parent]  # type: ignore[attr-defined]
 
 
 def uncut(count: int) -> PatchCuts:
-    """Patches that are not cut.
+    """Patches that are not cut, as an object of this class: each is covered by one triangle.
 
     Parameters
     ----------

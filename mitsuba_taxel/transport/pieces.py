@@ -21,7 +21,7 @@ QUARTERS = np.stack([WHOLE / 2, WHOLE / 2 + (0.5, 0), WHOLE / 2 + (0, 0.5), 0.5 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """M triangles on patches.
+    """M triangular pieces of patches.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ def quartered(corners: np.ndarray) -> np.ndarray:
 def cut_near(
     targets: np.ndarray, positions: np.ndarray, own: np.ndarray | None, distance: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray, Pieces]]:
-    """Cover all patches, for each target, with pieces that are small relative to their distance from the target.
+    """Cover all patches, for each target point, with pieces that are small relative to their distance from the target.
 
     Pairs of targets and pieces are grouped by the size of the pieces.
 

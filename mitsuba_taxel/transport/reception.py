@@ -24,7 +24,7 @@ the points of a phototransistor as seen from a wall nearby, whose horizon passes
 
 
 class Reception:
-    """Power that a phototransistor receives directly from T points of walls that scatter light.
+    """Response of a phototransistor to light scattered directly towards it by T points of walls.
 
     Pairs of points of walls and phototransistor are computed in blocks, and not kept: a narrow response needs
     tens of millions of them.

@@ -73,8 +73,9 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
 
 @kept(128)
 def differentiated(degree: int) -> np.ndarray:
-    """Matrices (3, C, C) that map the coefficients of a polynomial to themselves, and to those of its derivatives with
-    respect to s and t."""
+    """Matrices (3, C, C) for polynomials with C coefficients: they map the coefficients to themselves, and to those of
+    the derivatives with respect to s and t.
+    """
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])
     for (i, j), number in numbers.items():
@@ -92,8 +93,9 @@ def _exponents(degree: int) -> list[tuple[int, int]]:
 
 @kept(128)
 def coefficients(degree: int) -> np.ndarray:
-    """Matrix (C, Q) from values at the points of :func:`triangle_rule` to coefficients of the interpolating
-    polynomial."""
+    """Matrix (C, Q) that computes the coefficients of the interpolating polynomial from values at the points of
+    :func:`triangle_rule`.
+    """
     return np.linalg.inv(monomials(triangle_rule(degree)[0], degree))
 
 

@@ -15,7 +15,7 @@ size overlaps some ten others."""
 
 
 class TooManyPairs(GeometryError):
-    """Error: more than :data:`MOST_PAIRS` pairs of boxes overlap."""
+    """More than :data:`MOST_PAIRS` pairs of boxes overlap."""
 
 
 def overlapping(

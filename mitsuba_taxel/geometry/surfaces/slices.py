@@ -89,14 +89,17 @@ class _Crossings:
         self.planes = int(np.ceil(height.max())) - self.first_plane + 1
 
     def between(self, low: np.ndarray, high: np.ndarray, plane: np.ndarray) -> np.ndarray:
-        """Numbers of the points where edges from ``low`` up to ``high`` meet a plane: the number of a vertex if one
-        lies there, else -1 - key of the new vertex."""
+        """Numbers of the points where edges from ``low`` up to ``high`` meet a plane. It is the number of a vertex if
+        one lies there; new points have the number -1 - key until :meth:`resolve` numbers them.
+        """
         key = (low * len(self.height) + high) * self.planes + (plane - self.first_plane)
         inside = np.where(plane >= self.height[high], high, -1 - key)
         return np.where(plane <= self.height[low], low, inside)
 
     def resolve(self, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """``pieces`` with vertex numbers instead of keys, and the lower end, upper end and plane of each new vertex."""
+        """Replace the keys of new points in triangles ``pieces`` by vertex numbers; also returns lower end, upper end
+        and plane of each new vertex.
+        """
         new = pieces < 0
         keys, number = np.unique(-1 - pieces[new], return_inverse=True)
         pieces = pieces.copy()

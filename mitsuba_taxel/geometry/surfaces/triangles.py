@@ -180,7 +180,8 @@ def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) 
 
 
 def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of a point and a triangle, segment or point whose bounding box is within ``reach`` of it.
+    """All pairs of a point and a triangle, segment or other point whose bounding box is within ``reach`` of the first
+    point.
 
     Parameters
     ----------
@@ -200,7 +201,7 @@ def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndar
 
 
 def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """The entry of least cost for each key, among P entries.
+    """For each distinct key, the index of the entry with the least cost, among P entries.
 
     Parameters
     ----------
@@ -219,7 +220,7 @@ def first_of_each(keys: np.ndarray, cost: np.ndarray) -> np.ndarray:
 
 
 def subdivided(points: np.ndarray, triangles: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles cut at vertices on their edges.
+    """Triangles cut at given vertices that lie on their edges.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ _UNSAMPLED = -2  # owner of a triangle that reflects light but is not sampled by
 
 @dataclass(frozen=True)
 class Members:
-    """The triangles of a guide and their order, which are independent of the load.
+    """The triangles of a pad's surface to which light paths are guided, in an order that is independent of the load.
 
     The same random numbers therefore sample nearly the same points at neighbouring load steps, and a pad whose vertices
     were moved gives the readings of a pad under the corresponding load.
@@ -113,7 +113,8 @@ class Guide:
         return self.uniform(index, sample)
 
     def uniform(self, index: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point3f, mi.UInt32]:
-        """A uniformly distributed point on the triangles of taxel ``index``, and the number of its triangle."""
+        """A point distributed uniformly over the guiding triangles of taxel ``index``, and the number of its triangle.
+        """
         leaf, rest = descend(self.splits, self.depth, index, sample)
         triangle = dr.gather(mi.UInt32, self.leaves, (index << self.depth) + leaf)
         a, b, c = self._corners(triangle)
@@ -121,7 +122,7 @@ class Guide:
         return dr.fma(b - a, barycentric.x, dr.fma(c - a, barycentric.y, a)), triangle
 
     def uv(self, si: mi.SurfaceInteraction3f, member: mi.Bool) -> mi.Point2f:
-        """The inverse of :meth:`uniform`: the point of the unit square that it maps to a hit on a triangle."""
+        """The point of the unit square that :meth:`uniform` maps to a given hit ``si`` on a triangle: its inverse."""
         if not self.by_distance:
             return mi.Point2f(0)
         a, b, c = self._corners(si.prim_index, member)
@@ -166,11 +167,11 @@ class Guide:
         return [dr.gather(mi.Point3f, self.corners, 3 * triangle + k, active) for k in range(3)]
 
     def contains(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        """Mask of the hits that lie on a triangle of taxel ``index``."""
+        """Mask of the hits ``si`` that lie on a guiding triangle of taxel ``index``."""
         return self._is_of(mi.Int32(index), si, active)
 
     def misses(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        """Mask of the hits on walls of the mesh that reflect light but are never sampled."""
+        """Mask of the hits ``si`` on walls of the mesh that reflect light but to which paths are never guided."""
         return self._is_of(mi.Int32(_UNSAMPLED), si, active)
 
     def _is_of(self, owner: mi.Int32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:

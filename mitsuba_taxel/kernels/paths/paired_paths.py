@@ -28,7 +28,7 @@ depend on the path, and is thus the same in both states."""
 
 
 class PairedState:
-    """One of the two states of a scene with one pad.
+    """One of two states of a scene whose difference of readings is computed; the scene has one pad.
 
     Parameters
     ----------
@@ -46,7 +46,9 @@ class PairedState:
         self._normals = parameters["vertex_normals"] if pad.has_vertex_normals() else None
 
     def point(self, triangle: mi.UInt32, uv: mi.Point2f, active: mi.Bool) -> _Point:
-        """A material point of the pad, by its triangle and barycentric coordinates."""
+        """The position, in this state, of a point of the pad's surface that is given by its triangle and barycentric
+        coordinates.
+        """
         numbers = dr.gather(mi.Vector3u, self._faces, triangle, active)
         a, b, c = (mi.Point3f(dr.gather(mi.Point3f, self._positions, number, active)) for number in numbers)
         across = dr.cross(b - a, c - a)

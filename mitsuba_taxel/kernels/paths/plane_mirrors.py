@@ -83,7 +83,7 @@ class PlaneMirrors:
         return p - 2 * (dr.dot(p, normal) - offset) * normal, normal, dr.squared_norm(normal) > 0
 
     def contains(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        """Whether a hit lies on the mirror of a taxel."""
+        """Whether a hit ``si`` lies on the plane mirror above a taxel."""
         on_mesh = active & (si.shape == self.mesh)
         return on_mesh & (dr.gather(mi.Int32, self.owner, si.prim_index, on_mesh) == mi.Int32(index))
 

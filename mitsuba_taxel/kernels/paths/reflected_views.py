@@ -31,7 +31,7 @@ MOST_MIRRORS = 4
 
 
 class ViewRay(NamedTuple):
-    """A ray at the phototransistor from which it starts: origin, direction and density."""
+    """A ray that starts at a phototransistor, against the light: origin, direction and probability density."""
 
     exit_point: mi.Point3f
     direction: mi.Vector3f
@@ -40,7 +40,9 @@ class ViewRay(NamedTuple):
 
 
 class ReflectedEnd(NamedTuple):
-    """The point at which a reflected view ends, and the factors of the mirrors on its way."""
+    """The point of a wall at which a ray from the phototransistor ends after reflections by mirrors, and the factors of
+    these mirrors.
+    """
 
     si: mi.SurfaceInteraction3f  # at the wall that scatters
     direction: mi.Vector3f  # in which the ray arrives
@@ -54,7 +56,8 @@ class ReflectedEnd(NamedTuple):
 
 
 def follows_mirrors(scene: mi.Scene) -> tuple[bool, bool]:
-    """Whether views are followed over mirrors, and whether they may end at walls that are partly mirrors.
+    """Whether rays from the phototransistor are followed over mirrors, and whether they may end at walls that are
+    partly mirrors.
 
     Mirrors of Mitsuba are not followed, since their reflection may be one of several.
 
@@ -103,7 +106,8 @@ def specular_probability(
 
 
 def stretch_at(si: mi.SurfaceInteraction3f, onward: mi.Vector3f) -> mi.Float:
-    """Factor K of light that arrives at ``si`` and leaves in the world direction ``onward``.
+    """Change of a beam's cross-section by a mirror with interpolated normals: the factor of light that arrives at
+    ``si`` and leaves in the world direction ``onward``.
 
     Parameters
     ----------

@@ -46,8 +46,9 @@ def descend(splits: mi.Float, depth: mi.UInt32, tree: mi.UInt32, sample: mi.Poin
 
 
 def grid_splits(weight: np.ndarray) -> np.ndarray:
-    """Splits (T, n * n) of T trees over grids of n x n cells with ``weight`` (T, n, n), n a power of two; columns are
-    split first."""
+    """Splits (T, n * n) of T sampling trees over grids of n x n cells with ``weight`` (T, n, n), n a power of two;
+    columns are split first. A split is the fraction of a node's weight in its left subtree.
+    """
     trees, side, _ = weight.shape
     splits = np.ones((trees, side * side), np.float32)
     rows, columns = 1, 1
@@ -117,7 +118,9 @@ class MemberTrees:
         self.leaves.ravel()[self._leaf] = np.arange(count)
 
     def splits(self, weight: np.ndarray) -> np.ndarray:
-        """Splits (trees, 2**depth) of the trees for M members with weights ``weight`` (M,), which are not negative."""
+        """Splits (trees, 2**depth) of the trees for M members with weights ``weight`` (M,), at least 0. A split is the
+        fraction of a node's weight in its left subtree.
+        """
         splits, below = np.ones(self.leaves.shape, np.float32), np.zeros(self.leaves.shape)
         below.ravel()[self._leaf] = weight
         for level in reversed(range(self.depth)):
@@ -127,7 +130,9 @@ class MemberTrees:
         return splits
 
     def boxes(self, splits: np.ndarray) -> np.ndarray:
-        """Rectangle of the unit square that ``splits`` map to each of M members: lower corner and size (M, 4)."""
+        """The rectangle of the unit square that a tree with given ``splits`` maps to each of M members: lower corner
+        and size (M, 4).
+        """
         low, size = np.zeros((2, len(splits), 1)), np.ones((2, len(splits), 1))
         for level in range(self.depth):
             axis, split = level % 2, splits[:, 1 << level : 2 << level].astype(float)

@@ -48,7 +48,7 @@ density of the direction [1/sr]."""
 
 @dataclass
 class Vertex:
-    """A vertex of a path, with the power that arrives there and what the weights of techniques need."""
+    """A vertex of a light path: its power, and the densities that determine the weights of the techniques."""
 
     p: mi.Point3f
     n: mi.Normal3f
@@ -61,7 +61,7 @@ class Vertex:
 
 @dataclass
 class Mirrored:
-    """Properties of a ray before and at the mirror that has reflected it."""
+    """A ray that a mirror has reflected: its densities and powers before the mirror."""
 
     # In 1/sr: density of the ray's direction before the mirror and of specular reflection; 0 if images have no part.
     density: mi.Float
@@ -73,13 +73,13 @@ class Mirrored:
 
     @classmethod
     def nowhere(cls) -> Mirrored:
-        """The properties of a ray that comes from no mirror."""
+        """Data of a ray that no mirror has reflected."""
         return cls(mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0))
 
 
 @dataclass
 class View:
-    """A point y of the phototransistor, and the first point z on a ray from it.
+    """A view of the phototransistor: a point y on it, and the first point z of the scene on a ray from y.
 
     In a reflected view the ray goes over mirrors. Area density and solid angle are then those for a plane mirror. Only
     their product has a meaning; it does not depend on the curvature.
@@ -104,7 +104,7 @@ class View:
 
 
 class Techniques:
-    """The techniques in a scene, for the phototransistors of ``index``.
+    """Ways to sample the light from a vertex of a path to the phototransistor, and their weights.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ class Techniques:
         )
 
     def reflect(self, view: View, choice: mi.Float) -> View:
-        """The continuation of a view where it meets a mirror: the reflected view.
+        """Continue a ray from the phototransistor beyond a mirror, to the next wall that scatters.
 
         Parameters
         ----------
@@ -235,7 +235,7 @@ class Techniques:
         )
 
     def ends_views(self, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool) -> mi.Float:
-        """Probability with which a reflected view ends at a wall that scatters."""
+        """Probability with which a ray from the phototransistor, reflected by mirrors, ends at a wall that scatters."""
         if not (self.follows_mirrors and self.has_mixed_walls):
             return mi.Float(1)
         return 1 - specular_probability(self.context, si, bsdf, active)[0]
@@ -364,7 +364,7 @@ class Techniques:
         onward: mi.Vector3f,
         distance: mi.Float,
     ) -> Mirrored:
-        """Properties of rays that a mirror reflects at ``si``.
+        """Data of rays that a mirror reflects at ``si``, for the weights of the sampling techniques.
 
         Parameters
         ----------
@@ -455,7 +455,7 @@ class Techniques:
         return member, dr.select(member, self.guide.probability, 0), self.guide.uv(si, member)
 
     def draw(self, vertex: Vertex, sample: mi.Point2f, nearness: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
-        """A point sampled by the guide for the next vertex of a path, and the number of its triangle."""
+        """Sample the next vertex on triangles of the taxel's own cell: a point, and the number of its triangle."""
         assert self.guide is not None
         return self.guide.sample(self.index, vertex.uv, sample, nearness)
 

@@ -89,7 +89,7 @@ def trace(
 
 
 def splat(sensor: mi.Sensor, index: mi.UInt32, offset: mi.Point2f, value: mi.Float, pixels: mi.Float | None) -> None:
-    """Add the power of paths to the irradiance map, if there is one.
+    """Add the power of light paths to the irradiance map of the sensor, if it has one.
 
     Parameters
     ----------

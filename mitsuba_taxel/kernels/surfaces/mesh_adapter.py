@@ -11,7 +11,7 @@ from mitsuba_taxel.backend.packets import in_packets
 
 
 class Places(NamedTuple):
-    """V vertices of a mesh of T triangles, with normals.
+    """Positions of V vertices of a mesh of T triangles, with their normals.
 
     Attributes
     ----------

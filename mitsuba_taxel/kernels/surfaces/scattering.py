@@ -19,7 +19,9 @@ _SMALLEST_COSINE = 1e-7
 
 
 class Sample(NamedTuple):
-    """A sampled direction, its density [1/sr] (a probability for a mirror), value over density, and its component."""
+    """A direction sampled by a scattering law: the direction, its density [1/sr] (a probability for a mirror), value
+    over density, and the component of the law.
+    """
 
     direction: mi.Vector3f
     density: mi.Float
@@ -28,7 +30,7 @@ class Sample(NamedTuple):
 
 
 class Scattering(Protocol):
-    """A scattering law; ``components`` are the flags of its components in Mitsuba."""
+    """Base of scattering laws of a wall; ``components`` are the flags of its components in Mitsuba."""
 
     components: list[int]
 

@@ -69,7 +69,7 @@ class FaceGrid:
         return mi.UInt32(row) * self.columns + mi.UInt32(column), offset
 
     def offset(self, index: mi.UInt32, p: mi.Point3f) -> mi.Point2f:
-        """Offset of ``p`` along x and y of the face from the centre of face ``index``."""
+        """Offset of ``p`` from the centre of face ``index``, along x and y of the face."""
         local = self.frame.to_local(p - dr.gather(mi.Point3f, self.centres, index))
         return mi.Point2f(local.x, local.y)
 

@@ -31,7 +31,9 @@ NEWTON_STEPS = 7
 
 
 class Sight(NamedTuple):
-    """The line of sight from a point in air to a point of a die, refracted if there is a window."""
+    """The line of sight from a point in air to a point of an LED or phototransistor die, refracted if there is a
+    window.
+    """
 
     direction: mi.Vector3f  # direction at the point in air
     squared_distance: mi.Float  # mm²: square of the apparent distance

@@ -132,8 +132,9 @@ class End:
 
     @property
     def fineness(self) -> float:
-        """Largest allowed side of a piece in the light of this LED, relative to the length over which the
-        phototransistor's response varies there."""
+        """Largest allowed side of a piece of wall in the light of this LED, relative to the length over which the
+        phototransistor's response varies there.
+        """
         return FINE if self.law.spread < NARROW else WIDE
 
     @property
@@ -147,7 +148,7 @@ class End:
         return self._width >= POWER
 
     def resolved(self, middle: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Length over which the law varies on pieces of walls.
+        """Length on pieces of walls over which the angular law of this LED or phototransistor varies.
 
         Parameters
         ----------
