@@ -25,7 +25,7 @@ OF_BRICK = 24
 
 
 class Meshed(Protocol):
-    """Interface: the properties of a block that meshing uses; see `Block`."""
+    """Interface: the properties of a block without cells that meshing uses; see `Block`."""
 
     @property
     def extent(self) -> tuple[float, float, float]: ...

@@ -35,7 +35,7 @@ def nearest_cell(pad: Pad, points: np.ndarray) -> np.ndarray:
 
 
 def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
-    """Mask of the bodies that lie entirely within a cell.
+    """Mask of the packages (bodies) that lie entirely within the hollow of a cell.
 
     Parameters
     ----------

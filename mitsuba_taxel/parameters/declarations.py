@@ -222,7 +222,7 @@ def nested(kind: str, made_of: type, default: Any, doc: str, **about: Any) -> An
 
 
 def parameter_field(parameter: Parameter, **changes: Any) -> Any:
-    """Declare a field for an existing parameter, with changed attributes.
+    """Declare a field for an existing parameter, some of whose attributes are changed.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def parameter_field(parameter: Parameter, **changes: Any) -> Any:
 
 
 def field_of(owner: Any, field: str, **changes: Any) -> Any:
-    """Declare a field for the parameter of a field of another class, with changed attributes.
+    """Declare a field like that of another class, with some attributes of its parameter changed.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ REQUIRED: Any = ...
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """Declaration of a parameter of a plugin: its type, unit, default, meaning, and when it applies.
+    """A parameter of a plugin: its type, unit, default, meaning, and when it applies.
 
     Attributes
     ----------
@@ -66,12 +66,12 @@ class Parameter:
         raise NotImplementedError
 
     def words(self, value: Any) -> str:
-        """A value as text."""
+        """Format a value of the parameter as text."""
         return str(value)
 
     @property
     def range(self) -> str:
-        """Description of the allowed range, for use after "a number"; empty if unlimited."""
+        """The allowed range in words, such as "above 0"; empty if unlimited. It follows "a number" in messages."""
         return ""
 
     @property
@@ -98,7 +98,7 @@ class Parameter:
 
     @property
     def label(self) -> str:
-        """Name in the table of parameters."""
+        """Name of the parameter as shown in tables of the documentation."""
         return self.name
 
     @property
@@ -127,7 +127,7 @@ class Parameter:
 
     @property
     def shown(self) -> str:
-        """Name of the parameter in a scene, for messages."""
+        """Name of the parameter in a scene, as shown in messages."""
         return self.name
 
     def conflict(self, instance: Any) -> str:
@@ -146,7 +146,7 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Number(Parameter):
-    """A finite number.
+    """A parameter whose value is a finite number.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ class Number(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Whole(Parameter):
-    """A whole number, from ``minimum`` to ``maximum``."""
+    """A parameter whose value is a whole number, from ``minimum`` to ``maximum``."""
 
     minimum: int
     maximum: int
@@ -210,7 +210,7 @@ class Whole(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Switch(Parameter):
-    """True or false."""
+    """A parameter whose value is true or false."""
 
     type: ClassVar[str] = "boolean"
     allowed: ClassVar[tuple[str, str]] = ("true", "false")
@@ -230,7 +230,7 @@ class Switch(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Text(Parameter):
-    """Any text, described by ``what``."""
+    """A parameter whose value is any text; ``what`` describes it."""
 
     what: str = "text"
 
@@ -248,7 +248,9 @@ class Text(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Points(Text):
-    """Pairs of numbers, as text separated by ';' or as rows, which are converted into such text."""
+    """A parameter whose value is a list of pairs of numbers, as text separated by ';' or as rows, which are converted
+    into such text.
+    """
 
     what: str = "pairs of finite numbers, separated by ';',"
 
@@ -269,7 +271,7 @@ class Points(Text):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice(Parameter):
-    """A word from a list of allowed words.
+    """A parameter whose value is a word from a list of allowed words.
 
     Attributes
     ----------
@@ -305,7 +307,7 @@ class Choice(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Vector(Parameter):
-    """Three finite numbers, each ``above`` a bound.
+    """A parameter whose value is three finite numbers, each ``above`` a bound.
 
     Attributes
     ----------
@@ -347,7 +349,7 @@ class Vector(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Transform(Parameter):
-    """A rigid motion with at most a uniform scale, as ``mi.ScalarTransform4f``."""
+    """A parameter whose value is a rigid motion with at most a uniform scale, as ``mi.ScalarTransform4f``."""
 
     type: ClassVar[str] = "transform"
 
@@ -364,7 +366,7 @@ class Transform(Parameter):
 
 @dataclass(frozen=True, kw_only=True)
 class Nested(Parameter):
-    """An object nested in the element of a plugin.
+    """A parameter whose value is an object nested in the element of a plugin, such as a BSDF.
 
     Attributes
     ----------

@@ -46,7 +46,9 @@ class Side(Checked):
     )
 
     def relative_to_lambert(self, cosine: np.ndarray) -> np.ndarray:
-        """Response or intensity relative to Lambert's law, by the cosine of the angle in air; 1 on the axis."""
+        """Response of a detector, or intensity of an emitter, relative to Lambert's law, by the cosine of the angle in
+        air; 1 on the axis.
+        """
         return np.ones_like(cosine) if self.exponent is None else cosine ** (self.exponent - 1)
 
     @property

@@ -47,7 +47,7 @@ def transmittance(index: float, cosine: np.ndarray) -> np.ndarray:
 
 
 def relative_radiance(emitter: Side, cosine: np.ndarray) -> np.ndarray:
-    """Radiance of a die in a direction in air, relative to that of a Lambertian die of the same power."""
+    """Radiance of an emitter's die in a direction in air, relative to that of a Lambertian die of the same power."""
     return 0.5 * (1 + (emitter.exponent or 1.0)) * emitter.relative_to_lambert(cosine)
 
 
@@ -59,7 +59,7 @@ def sobol_points(dimensions: int) -> np.ndarray:
 
 
 def die_points(side: Side, uniform: np.ndarray) -> np.ndarray:
-    """Points of a die, x and y in mm, from numbers from -1/2 to 1/2; both (N, 2)."""
+    """Convert numbers from -1/2 to 1/2, (N, 2), to points of a die, x and y in mm."""
     return np.array([side.x, side.y]) + uniform * [side.die_width, side.die_length]
 
 

@@ -272,7 +272,7 @@ class DeformablePad(Specification, Kinded):
 
     @classmethod
     def read(cls, props: Any) -> DeformablePad:
-        """Create an object as `Specification.read` does; the file of a material is relative to the scene file."""
+        """Create the parameters of a pad from a scene's element; a material's file is relative to the scene file."""
         from mitsuba_taxel.backend.plugin_objects import find_file
 
         find_file(props, "material", SUFFIX)

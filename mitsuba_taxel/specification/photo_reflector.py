@@ -28,7 +28,7 @@ Shift = tuple[float, float, float]
 
 
 class Opening(NamedTuple):
-    """An area in the top of a package, in mm: a die, or the window above a die."""
+    """A rectangle in the top of a package, in mm: the surface of a die, or the window above a die."""
 
     centre: tuple[float, float]
     extent: tuple[float, float]
@@ -61,7 +61,7 @@ class Package(NamedTuple):
 
     @property
     def openings(self) -> dict[str, Opening]:
-        """Openings in the top by region: windows, or dies if these are in the top."""
+        """Openings in the top of the body, by the name of their region: windows, or dies if these are in the top."""
         if self.resin_index is None:
             return {n: Opening((s.x, s.y), (s.die_width, s.die_length)) for n, s in self.sides.items()}
         return {

@@ -11,7 +11,7 @@ from mitsuba_taxel.parameters import Checked, Nested, Parameter, parameters_of, 
 
 
 class Specification(Checked):
-    """Base class of specifications; a specification declares the parameters of one plugin."""
+    """Base class of the plugins' parameters: each subclass declares the parameters of one plugin."""
 
     plugin: ClassVar[str]
     """Name of the plugin in a scene."""
@@ -57,7 +57,7 @@ class Specification(Checked):
 
     @classmethod
     def unknown_value(cls, name: str) -> str:
-        """The error message for a value that the plugin does not know."""
+        """The error message for a parameter that the plugin does not know."""
         by_name = [nested.name for nested in cls.objects() if nested.by_name]
         return f"{name} is no parameter of {cls.plugin}{did_you_mean(name, (*cls.values(), *by_name))}."
 
@@ -73,10 +73,10 @@ class Specification(Checked):
 
     @classmethod
     def objects(cls) -> list[Nested]:
-        """Objects that may be nested in the plugin."""
+        """The parameters of objects that may be nested in the plugin."""
         return [parameter for parameter in cls.table() if isinstance(parameter, Nested)]
 
     @classmethod
     def table(cls) -> tuple[Parameter, ...]:
-        """All parameters, then all nested objects."""
+        """All parameters of the plugin in the order of its table: values first, then nested objects."""
         return (*parameters_of(cls).values(), *cls.nested)

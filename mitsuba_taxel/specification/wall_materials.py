@@ -19,7 +19,7 @@ SHOWN_AT = 925.0
 
 @dataclass(frozen=True)
 class Measured:
-    """Reflectance of one sample or product.
+    """Reflectance of one measured sample or product.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class WallMaterial:
-    """A material of walls.
+    """A material of walls with its measured reflectance.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class WallMaterial:
 
     @property
     def covers(self) -> tuple[float, float] | None:
-        """Wavelengths in nm between which all measurements have values; None without data."""
+        """Range of wavelengths in nm in which all measurements have values; None without data."""
         if not self.measured:
             return None
         return max(m.rows[0][0] for m in self.measured), min(m.rows[-1][0] for m in self.measured)

@@ -262,12 +262,14 @@ class DeformablePad(mi.Mesh):
 
     @property
     def is_curved(self) -> bool:
-        """Whether the deviation of triangles from curved walls changes readings by more than about 1e-5, relatively."""
+        """Whether the deviation of flat triangles from curved walls changes readings by more than about 1e-5,
+        relatively.
+        """
         surface = self.surface
         return bool(np.abs(surface.offsets).max() > FLAT * np.ptp(surface.vertices[:, 2]))
 
     def chords(self) -> Places:
-        """Vertices on the curved walls, so that triangles are chords."""
+        """Vertices that lie on the curved walls, so that triangles are inscribed in the walls (chords)."""
         return self._places(self.surface, self.surface.vertices)
 
     def blunt_heights(self) -> Places | None:
@@ -283,7 +285,9 @@ class DeformablePad(mi.Mesh):
         return None if blunt is None else self._kept_in_contact(self._tessellated(self.state, self.pad, blunt))
 
     def closed(self) -> mi.Mesh:
-        """The surface as a mesh whose triangles share vertices, also with mirrors."""
+        """The surface as a closed mesh whose triangles share vertices; for mirrors, the surface in use may have
+        separate vertices.
+        """
         if not self.mirrors:
             return self
         mesh = mi.Mesh(self.id(), len(self.surface.vertices), len(self.surface.triangles))
@@ -355,7 +359,7 @@ class DeformablePad(mi.Mesh):
         return state_after(self.pad, material, path, times, obstacles=obstacles, **self._settings)
 
     def heed(self, obstacles: np.ndarray) -> bool:
-        """Deform the pad in contact with obstacles.
+        """Deform the pad in contact with obstacles, such as packages.
 
         Parameters
         ----------
@@ -409,7 +413,7 @@ class DeformablePad(mi.Mesh):
         return f"its cells are {self.pad.cell_size:g} mm wide"
 
     def take(self, state: State) -> None:
-        """Change to the surface of another state of the pad on the same mesh."""
+        """Change the shape to the surface of another state of the pad on the same mesh."""
         self.state, self.surface = state, self._tessellated(state, self.pad)
         move_vertices(self, self._places(self.surface, self.surface.facing))
 

@@ -67,7 +67,7 @@ class BoxFillet(Fillet):
 
 
 def box_fillet(half: float, height: float, radius: float) -> BoxFillet:
-    """The fillets of a cuboid cell.
+    """The rounded edges (fillets) of a cuboid cell.
 
     Parameters
     ----------

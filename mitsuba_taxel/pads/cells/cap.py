@@ -29,7 +29,7 @@ class Cap(RoundShaft):
 
     @property
     def centre(self) -> float:
-        """Height of the centre of the sphere in mm; it may be negative."""
+        """Height in mm of the centre of the cap's sphere; it may be negative."""
         return self.top - self.roof_radius
 
     def roof_height(self, across: np.ndarray) -> np.ndarray:
@@ -81,8 +81,8 @@ class Cap(RoundShaft):
         return of_quadric(self.side_height / self.top, 2 * self.roof_radius * cap / self.radius**2, points)
 
     def bend_radii(self) -> np.ndarray:
-        """The radius of the sphere in mm; for a leaning cap, which is an ellipsoid, the smallest radius of
-        curvature."""
+        """Radius of the cap's sphere in mm; for a leaning cap, which is an ellipsoid, the smallest radius of curvature.
+        """
         slope = math.hypot(*self.pad.slope)
         if not slope:
             return np.array([self.roof_radius])

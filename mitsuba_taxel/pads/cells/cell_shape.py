@@ -25,7 +25,7 @@ Difference = Callable[[Callable[[Any], np.ndarray]], np.ndarray]
 
 
 class Dimensions(Protocol):
-    """Interface: the dimensions of a pad on which the shape of its cells depends; see `Pad`."""
+    """Interface: the dimensions of a pad that determine the shape of its cells; see `Pad`."""
 
     @property
     def rows(self) -> int: ...
@@ -57,7 +57,7 @@ class Dimensions(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class LightSizes:
-    """Element sizes of loaded cells for accurate readings, relative to the default size of their pad.
+    """Element sizes at which the readings of loaded cells are accurate, relative to the default size of their pad.
 
     With them the error of readings is about 0.03 % for diffuse walls of domes, and 0.3 % for mirrors and rough mirrors
     (`taxel bench domes`).
@@ -138,7 +138,7 @@ class CellShape(Kind, family="cell"):
 
     @property
     def cell_height(self) -> float:
-        """The pad's `cell_height`, mm."""
+        """The parameter `cell_height` of the pad, in mm."""
         assert self.pad.cell_height is not None
         return self.pad.cell_height
 
@@ -149,7 +149,7 @@ class CellShape(Kind, family="cell"):
 
     @property
     def top(self) -> float:
-        """Height of the highest point, mm."""
+        """Height of the cell's highest point in mm."""
         return self.cell_height
 
     @property
@@ -159,7 +159,7 @@ class CellShape(Kind, family="cell"):
         return {name: self.value(name) for name in own}
 
     def parameters_at(self, dimensions: Mapping[str, float]) -> dict[str, Any]:
-        """Arguments with which a pad is constructed to have new values of `dimensions`.
+        """Arguments with which a pad is constructed so that the shape's `dimensions` have new values.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class CellShape(Kind, family="cell"):
     @property
     @abstractmethod
     def round_regions(self) -> tuple[str, ...]:
-        """Which of ``roof`` and ``side`` are curved, in this order."""
+        """Names of the curved regions, ``roof`` and ``side``, in this order; empty if both are flat."""
 
     @property
     @abstractmethod
@@ -270,7 +270,7 @@ class CellShape(Kind, family="cell"):
         """
 
     def rounded(self, points: np.ndarray, axis: np.ndarray, on: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Nodes of a mesh, with the nodes on curved walls moved exactly onto them.
+        """Move the nodes of a mesh that lie on curved walls exactly onto these walls.
 
         Parameters
         ----------
@@ -290,7 +290,7 @@ class CellShape(Kind, family="cell"):
         return points
 
     def filleted(self, radius: float) -> Fillet:
-        """The rounded edges of the cell.
+        """Round the edges of the cell inside.
 
         Parameters
         ----------
@@ -312,7 +312,7 @@ class CellShape(Kind, family="cell"):
         )
 
     def mouth(self, radius: float, beside: float) -> Mouth:
-        """The rounded edge of the cell's mouth.
+        """Round the edge of the cell's mouth, at the bottom of the pad.
 
         Parameters
         ----------
@@ -339,7 +339,7 @@ class CellShape(Kind, family="cell"):
 
     @abstractmethod
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
-        """Mask of the points that lie within the cell.
+        """Mask of the points that lie within the hollow of the cell.
 
         Parameters
         ----------
@@ -421,7 +421,7 @@ class CellShape(Kind, family="cell"):
 
     @abstractmethod
     def outline(self) -> np.ndarray:
-        """The meridian from the middle of the roof to the board.
+        """The outline (r, z) of the cell on one side of its axis, from the middle of the roof to the board.
 
         Returns
         -------
@@ -445,7 +445,7 @@ class CellShape(Kind, family="cell"):
 
     @abstractmethod
     def wall_tangents(self) -> np.ndarray:
-        """Tangents of the meridian, downwards, for the draft angles of the mould.
+        """Tangents of the cell's outline, downwards, for the draft angles of the mould.
 
         Returns
         -------

@@ -23,7 +23,7 @@ ARC_POINTS = 17
 
 
 class Fillet(ABC):
-    """The rounded edges of an upright cell, whose mouth is centred at the origin."""
+    """Interface of the rounded edges of an upright cell, whose mouth is centred at the origin."""
 
     @abstractmethod
     def onto_wall(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -44,7 +44,7 @@ class Fillet(ABC):
 
     @abstractmethod
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
-        """Mask of the points of the sharp cell that lie within the rounded cell.
+        """Mask of those points of the sharp-edged cell that also lie within the rounded cell.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class Fillet(ABC):
 def refused(
     radius: float, size: float, largest: float, name: str = "fillet", beside: str = "half the roof and of the side"
 ) -> InputError:
-    """The error for a radius that is not allowed.
+    """Create the error for a radius of rounded edges that is not allowed.
 
     Parameters
     ----------

@@ -37,7 +37,8 @@ FLAT = 50.0
 
 @dataclass(frozen=True, eq=False)
 class Meridian:
-    """A curve (r, z) in mm, as a function of the parameter u from 0 to 1; it can be evaluated beyond its ends.
+    """A meridian: the outline (r, z) of a cell in mm, as a function of the parameter u from 0 to 1. It can be evaluated
+    beyond its ends.
 
     Attributes
     ----------
@@ -76,7 +77,7 @@ class Meridian:
         return np.stack([r, z], 1), np.stack([dr, dz], 1), np.stack([(0.5 * ddq - dr**2) / r, ddz], 1)
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The points of the curve nearest to given points, by Newton's method from the nearest of `SAMPLES` points.
+        """The points of the meridian nearest to given points, by Newton's method from the nearest of `SAMPLES` points.
 
         Parameters
         ----------
@@ -103,7 +104,7 @@ class Meridian:
         return u, tangent[:, :, None] * tangent[:, None, :] / hessian[:, None, None]
 
     def along(self, rays: np.ndarray) -> np.ndarray:
-        """Intersections of the curve with rays from the origin, around which the curve turns, by Newton's method.
+        """Intersections of the meridian with rays from the origin, which lies on its concave side, by Newton's method.
 
         Parameters
         ----------
@@ -141,13 +142,13 @@ def control_points(text: str) -> np.ndarray:
 
 
 def as_text(points: np.ndarray) -> str:
-    """Control points (n, 2) as text; the inverse of :func:`control_points`."""
+    """Write control points (n, 2) as text, from which :func:`control_points` restores them."""
     return "; ".join(f"{r:.16g} {z:.16g}" for r, z in points.tolist())
 
 
 @kept(64)
 def roof_meridian(text: str, radius: float, height: float) -> Meridian:
-    """The spline of a roof, from the crown to the rim, in mm.
+    """The meridian of a smooth roof as a spline, from its highest point (crown) to the rim, in mm.
 
     Parameters
     ----------
@@ -173,7 +174,7 @@ def roof_meridian(text: str, radius: float, height: float) -> Meridian:
 
 
 def flat_meridian(radius: float, height: float) -> Meridian:
-    """A flat roof, from the crown to its rim.
+    """The meridian of a flat roof, from the axis to its rim.
 
     Parameters
     ----------
@@ -191,7 +192,7 @@ def flat_meridian(radius: float, height: float) -> Meridian:
 
 
 def side_meridian(rim: np.ndarray, radius: float) -> Meridian:
-    """The straight side of a cell.
+    """The meridian of a straight side wall.
 
     Parameters
     ----------
@@ -248,7 +249,7 @@ def leaning(tangents: np.ndarray, slope: float) -> np.ndarray:
 
 
 def least_radii(curve: Meridian, slope: float, size: float) -> np.ndarray:
-    """Radii of curvature along a meridian, after the shear of a leaning cell.
+    """Smallest radii of curvature of a leaning cell along its meridian: the shear of the lean is included.
 
     Parameters
     ----------
@@ -346,7 +347,7 @@ def _knots(count: int) -> tuple[int, np.ndarray]:
 
 
 def of_quadric(rim: float, slope: float, count: int) -> np.ndarray:
-    """Control points of a quadric of revolution: a plane, or part of a sphere.
+    """Control points (r, z) of a plane, or of part of a sphere, as the roof of a profile cell.
 
     Parameters
     ----------

@@ -48,11 +48,11 @@ class MeridianCell(CellShape):
     @property
     @abstractmethod
     def roof(self) -> Meridian:
-        """The meridian from the crown, where r = 0, to the rim."""
+        """The outline (r, z) of the roof, from its highest point (crown), where r = 0, to the rim."""
 
     @property
     def side(self) -> Meridian:
-        """The meridian from the rim to the board."""
+        """The outline (r, z) of the side wall, from the rim to the board."""
         return side_meridian(self.rim, self.radius)
 
     @property
@@ -73,7 +73,7 @@ class MeridianCell(CellShape):
         return self.is_square and float(np.ptp(self.outline()[:-1, 1])) > 0
 
     def curve(self, region: str) -> Meridian:
-        """The meridian of the ``roof`` or ``side``.
+        """The outline (r, z) of the ``roof`` or the ``side``.
 
         Parameters
         ----------

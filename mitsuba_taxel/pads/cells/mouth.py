@@ -77,7 +77,8 @@ class Mouth:
         return length - (self.half - self._core) - self.slope * points[:, 2], outwards
 
     def onto_arc(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project points at the edge, sharp or rounded, onto the fillet, towards the axis of its circle.
+        """Move points at the sharp or rounded edge of the mouth onto the arc of the fillet, towards the axis of its
+        circle.
 
         Parameters
         ----------
@@ -109,7 +110,7 @@ class Mouth:
         return np.column_stack([nearest + on_arc[:, :1] * outwards, on_arc[:, 1]]), gradient
 
     def onto_sharp_edge(self, points: np.ndarray) -> np.ndarray:
-        """The points of the side and the bottom of the sharp cell whose images on the fillet are given.
+        """For points on the rounded mouth: the points of the sharp-edged cell that the rounding moves there.
 
         Parameters
         ----------
@@ -155,7 +156,9 @@ class Mouth:
         top, middle, foot = self.outline()[[0, ARC_POINTS // 2, -1]] - [self._core, 0.0]
 
         def section(inner: float) -> Any:
-            """The face from a vertical line to the arc, in the plane of the distance from the core and the height."""
+            """The cross-section of the air below the fillet, from a vertical line to the arc, in the plane of the
+            distance from the core and the height.
+            """
             corners = [(top[0], top[1]), (inner, top[1]), (inner, below), (foot[0], below), (foot[0], 0.0)]
             points = [Pnt(float(r), 0.0, float(z)) for r, z in corners]
             lines = [Segment(a, b) for a, b in pairwise(points) if (a - b).Norm() > 1e-9 * self.half]
@@ -207,7 +210,7 @@ class Mouth:
 def mouth(
     name: str, half: float, radius: float, slope: float, corner: float | None, straight: float, beside: float
 ) -> Mouth:
-    """The rounded edge of a cell's mouth.
+    """Create the rounded edge of a cell's mouth.
 
     Parameters
     ----------

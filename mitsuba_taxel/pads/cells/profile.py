@@ -54,7 +54,9 @@ class Profile(MeridianCell, name="profile", rank=5):
 
     @property
     def dimensions(self) -> Mapping[str, float]:
-        """r and z of each point, as ``profile_r1``; the crown lies on the axis and has z only."""
+        """The coordinates r and z of each control point as dimensions of the pad, such as ``profile_r1``; the crown
+        (highest point) lies on the axis and has z only.
+        """
         points = control_points(self.text).tolist()
         values: dict[str, float] = {}
         for number, (r, z) in enumerate(points, start=1):

@@ -46,7 +46,7 @@ class RimFillet(Fillet):
         return float(np.linalg.norm(self.arc.at(self.arc.ends)[0] - self.rim, axis=1).max())
 
     def from_rim(self, points: np.ndarray) -> np.ndarray:
-        """Distance of points from the sharp rim.
+        """Distance of points from the sharp rim of the cell.
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class RimFillet(Fillet):
         return projected, gradient
 
     def onto_sharp_wall(self, points: np.ndarray) -> np.ndarray:
-        """The points of the sharp wall of which given points of the rounded wall are the images.
+        """For points on the rounded wall: the points of the sharp-edged wall that the rounding moves there.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class RimFillet(Fillet):
         return sharp
 
     def slid(self, points: np.ndarray, origin: RimFillet) -> np.ndarray:
-        """Points of the sharp wall after those on the roof have moved along it with the border of the fillet.
+        """Move points on the roof of the sharp-edged cell along it, as far as the border of the fillet moves.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class RimFillet(Fillet):
 
 
 def rim_fillet(name: str, roof: Meridian, side: Meridian, radius: float) -> RimFillet:
-    """The fillet of a round cell.
+    """Create the rounded edge between roof and side of a round cell.
 
     Parameters
     ----------

@@ -42,7 +42,8 @@ class Shaft(CellShape):
 
     @abstractmethod
     def across(self, points: np.ndarray) -> np.ndarray:
-        """Distance from the axis in the norm in which all points of the side are equally distant.
+        """Distance of points from the cell's axis, measured so that all points of the side wall have the same distance
+        (for a square section, the larger of |x| and |y|).
 
         Parameters
         ----------
@@ -76,7 +77,7 @@ class Shaft(CellShape):
 
     @abstractmethod
     def shaft(self, x: float, y: float, below: float) -> Any:
-        """The cell up to the height of its side.
+        """The cell up to the height of its side, as a solid.
 
         Parameters
         ----------

@@ -95,7 +95,7 @@ def shifts_between_planes(points: np.ndarray, planes: list[np.ndarray], target_p
 
 @dataclass(frozen=True)
 class Rays:
-    """N rays, each from the axis of a cell through a point of the cell's region.
+    """N rays, each from the axis of a cell through a point of the silicone around that cell.
 
     Attributes
     ----------
@@ -125,8 +125,8 @@ def shifts_along_rays(
     base: np.ndarray,
     at_wall: Callable[[Rays], tuple[np.ndarray, np.ndarray]],
 ) -> np.ndarray:
-    """Displacements along rays: inside the wall equal to the displacement of the wall, and linear from the wall to the
-    border of the region.
+    """Displacements along rays from the axis of a cell: inside the wall equal to the displacement of the wall, and
+    linear from the wall to the border of the silicone around this cell.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.nd
 
 
 class SingularEdges:
-    """Edges where the stress is singular: the glued rim, and sharp re-entrant edges of the silicone.
+    """Edges of a pad at which the stress is singular: the glued rim, and sharp re-entrant edges of the silicone.
 
     Parameters
     ----------
@@ -145,8 +145,9 @@ class SingularEdges:
 
 
 class LocalSizes:
-    """Function that returns the target length of edges in mm, for elements of about ``mesh_size`` / ``refinement``
-    mm."""
+    """Function that returns the target length of mesh edges in mm at a point, for elements of about ``mesh_size`` /
+    ``refinement`` mm.
+    """
 
     def __init__(
         self, patches: Patches, region: np.ndarray, singular: SingularEdges, mesh_size: float, refinement: float

@@ -64,7 +64,7 @@ class Placement(NamedTuple):
         )
 
     def placed(self, points: np.ndarray) -> np.ndarray:
-        """Points (N, 3) of the file in the frame of the pad, mm.
+        """Convert points (N, 3) of the file to the coordinates of the pad, mm.
 
         Raises
         ------

@@ -79,7 +79,7 @@ def extents_of(corners: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.nd
 def tagged(
     surface: FacedSurface, rules: Sequence[Rule], placement: Placement = UNMOVED
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Regions and cells of a surface.
+    """Assign regions and cells to the faces of a surface, by rules and by shape.
 
     Rules assign regions to faces first; the regions of other faces are determined from their shape, see `_tagged`. If
     the surface is no pad as drawn, the message names the direction ``up`` with which it would be a pad.
@@ -210,7 +210,7 @@ class _Faces:
         self.at_top = (lowest >= height - tolerance) & (self.normal[:, 2] >= level)
 
     def meet(self, rule: Rule) -> np.ndarray:
-        """Mask (F,): whether each face matches all conditions of a rule."""
+        """Mask (F,): whether each of F faces meets all conditions of a rule."""
         matches = np.ones(len(self.normal), dtype=bool)
         if rule.face is not None:
             matches &= self.names == rule.face
@@ -271,7 +271,7 @@ def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.n
 
 
 def numbered(mesh: VolumeMesh) -> VolumeMesh:
-    """The mesh with corners of elements before other nodes, and its cells numbered."""
+    """Renumber a mesh: corners of elements before other nodes, and cells in the order of the rows."""
     corner = np.zeros(len(mesh.points), dtype=bool)
     corner[mesh.tets[:, :4]] = True
     order = np.argsort(~corner, kind="stable")

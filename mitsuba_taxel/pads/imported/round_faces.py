@@ -85,7 +85,7 @@ def onto_round_walls(
 
 @kept(4)  # the states of a path share their mesh
 def round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, float, np.ndarray]]]:
-    """The round walls of a mesh: spheres and vertical cylinders.
+    """Find the round walls of a mesh: spheres and vertical cylinders.
 
     Parameters
     ----------

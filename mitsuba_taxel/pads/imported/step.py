@@ -108,7 +108,7 @@ def _good_mesh(
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Properties of a body of F faces that are computed before it is meshed.
+    """What meshing needs to know of a solid with F faces: volume, symmetries, regions and edges with singular stress.
 
     Attributes
     ----------

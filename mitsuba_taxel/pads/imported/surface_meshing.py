@@ -113,8 +113,9 @@ class SurfacePart:
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
     def exact(self, points: np.ndarray) -> np.ndarray:
-        """The points, moved exactly onto the planes of symmetry, the bottom or the top if they lie within rounding
-        errors of these."""
+        """Move points exactly onto the planes of symmetry, the bottom or the top if they lie within rounding errors of
+        these.
+        """
         return exactly_on(points, planes_of(self.mirrors), float(self.vertices[:, 2].max()), ROUNDING * self.diagonal)
 
 

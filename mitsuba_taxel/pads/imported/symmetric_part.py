@@ -55,7 +55,7 @@ def mirrors_of(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray) 
 
 
 def group_of(mirrors: Iterable[Mirror]) -> tuple[Mirror, ...]:
-    """All mirrors of the symmetry group that some mirrors generate."""
+    """All planes of symmetry that follow from some of them: the mirrors of the group that they generate."""
     generators = set(mirrors)
     if len(generators) > 2:
         return MIRRORS
@@ -92,7 +92,7 @@ def _is_invariant(
 
 
 def planes_of(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
-    """The mirrors of a group whose planes bound the symmetric part."""
+    """Those mirrors of a symmetry group whose planes bound the symmetric part of a pad."""
     return (ACROSS_Y, ACROSS_DIAGONAL) if len(mirrors) == len(MIRRORS) else tuple(mirrors)
 
 

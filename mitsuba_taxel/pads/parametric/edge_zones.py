@@ -12,7 +12,8 @@ from mitsuba_taxel.pads.parametric.solid import nearest_cells
 
 
 def carried(origin: DrawnPad, pad: DrawnPad, before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Points that have moved from one pad to another, corrected so that they keep their place in the zones.
+    """Correct points that have moved with the dimensions of a pad, so that they keep their place beside its rounded
+    edges.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ class _CutEdges:
         self._key = edges[:, 0] * len(singular) + edges[:, 1]
 
     def pieces(self, simplices: np.ndarray, cuts: dict, shapes: dict) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Cut simplices into smaller ones.
+        """Cut tetrahedra or triangles into smaller ones at given edges.
 
         Parameters
         ----------

@@ -20,7 +20,7 @@ AXES = {"top_x": 0, "top_y": 1}
 
 
 def leans(pad: DrawnPad) -> bool:
-    """Whether the tops of the cells are off their axes."""
+    """Whether the cells of a pad lean: their tops are not above the middles of their mouths."""
     return bool(pad.top_x or pad.top_y)
 
 
@@ -43,7 +43,7 @@ def leaning(pad: DrawnPad, mesh: VolumeMesh) -> VolumeMesh:
 
 
 def lean(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
-    """Displacements of nodes from the upright pad to the leaning one.
+    """Displacements of nodes from the pad with upright cells to the pad with leaning cells.
 
     Parameters
     ----------
@@ -63,7 +63,8 @@ def lean(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
 
 
 def lean_rate(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray, name: str) -> np.ndarray:
-    """Derivative of :func:`lean` with respect to `top_x` or `top_y`. Midpoints of straight edges remain midpoints.
+    """Derivative of the displacements by :func:`lean` with respect to `top_x` or `top_y`. Midpoints of straight edges
+    remain midpoints.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ def _check_elements(mesh: VolumeMesh, morphed: VolumeMesh) -> None:
 
 
 def stretches(mesh: VolumeMesh, morphed: VolumeMesh) -> np.ndarray:
-    """Ratio of the largest to the least stretch of each straight element between two meshes.
+    """How much each element is distorted between two meshes: the ratio of its largest to its least stretch.
 
     Parameters
     ----------

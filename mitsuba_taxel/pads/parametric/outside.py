@@ -45,7 +45,7 @@ class Outside:
         return nearest + away * (self.radius / np.linalg.norm(away, axis=1))[:, None]
 
     def onto_sharp(self, points: np.ndarray) -> np.ndarray:
-        """The points of the sharp outside whose images on the rounded one are given.
+        """For points on the rounded outside: the points of the sharp-edged outside that the rounding moves there.
 
         Parameters
         ----------
@@ -90,7 +90,7 @@ class Outside:
 
 
 def outside(extent: tuple[float, float, float], radius: float, wall: float, cell_size: float) -> Outside:
-    """The rounded outside of a pad.
+    """Create the outside of a pad with rounded edges.
 
     Parameters
     ----------

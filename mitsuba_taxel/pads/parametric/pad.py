@@ -268,7 +268,8 @@ class Pad(Kinded, Displayed):
             raise InputError(f"meshed_as: {refused}") from refused
 
     def moved_from(self, origin: Pad) -> Pad:
-        """The same pad, with a mesh that is moved from the mesh of ``origin`` (or of the origin of ``origin``).
+        """The same pad, with a mesh that is made by moving the mesh of the pad ``origin``. If that mesh was itself
+        moved, the first pad of the chain counts.
 
         Parameters
         ----------
@@ -294,7 +295,7 @@ class Pad(Kinded, Displayed):
 
     @property
     def shape(self) -> CellShape:
-        """The shape of the cells, bound to these dimensions."""
+        """The shape of the cells: an object that knows these dimensions and computes walls, solids and outlines."""
         return CellShape.named(self.cell)(self)
 
     @property
@@ -362,7 +363,7 @@ class Pad(Kinded, Displayed):
 
     @property
     def slope(self) -> tuple[float, float]:
-        """Shift of the cells along x and y per mm of height."""
+        """Shift (2,) of the leaning cells along x and y per mm of height; zeros for upright cells."""
         assert self.cell_height is not None
         return self.top_x / self.cell_height, self.top_y / self.cell_height
 

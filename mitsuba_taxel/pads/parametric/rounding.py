@@ -114,7 +114,7 @@ def _cut_between_rims(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
 
 
 def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray, origin: DrawnPad | None = None) -> np.ndarray:
-    """Displacements of nodes from the pad with sharp edges to the one with rounded edges, both upright.
+    """Displacements of nodes from the pad with sharp edges to the pad with rounded edges, both with upright cells.
 
     Midpoints of straight edges remain midpoints. The rims of cuboid cells stay: `wall_planes` contain their fillets.
 
@@ -146,7 +146,8 @@ def rounding(pad: DrawnPad, mesh: VolumeMesh, sharp: np.ndarray, origin: DrawnPa
 
 
 def sharp_nodes(pad: DrawnPad, mesh: VolumeMesh, upright: np.ndarray) -> np.ndarray:
-    """Nodes of the pad with sharp edges: the inverse of adding :func:`rounding`.
+    """Nodes of the pad with sharp edges, from those with rounded edges: the displacements of :func:`rounding` are
+    subtracted.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ def singular_nodes(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
 
 
 def rounded(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """The nodes of a mesh, after those on roofs and curved walls are moved exactly onto these surfaces.
+    """Move the nodes of a mesh on roofs and curved walls exactly onto these surfaces, and return all nodes.
 
     Parameters
     ----------

@@ -30,7 +30,8 @@ profile."""
 
 
 def mesh_velocity(pad: Pad, mesh: VolumeMesh, parameter: str) -> np.ndarray:
-    """Velocities (N, 3) of the nodes of a pad's undeformed mesh, in mm per mm of one of its dimensions.
+    """Velocities (N, 3) of the nodes of an undeformed mesh while a dimension of the pad changes, in mm per mm of that
+    dimension.
 
     The other dimensions are fixed; a height of cells that is not set keeps its default at any size. A node on a wall
     stays on it at the same relative position. Inside, velocities are interpolated: linearly between the walls of cuboid
@@ -106,7 +107,7 @@ def _perturbed(pad: Pad, parameter: str) -> tuple[Pad, float]:
 
 
 def rate_by(pad: Pad, parameter: str, step: float, at: Callable[[Pad, float], np.ndarray]) -> np.ndarray:
-    """Derivative of a function of the pad with respect to one of its dimensions, by differences.
+    """Derivative of a function of the pad with respect to one of its dimensions, by finite differences.
 
     Parameters
     ----------

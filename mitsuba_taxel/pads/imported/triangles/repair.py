@@ -221,8 +221,8 @@ def _pierced(segments: np.ndarray, corners: np.ndarray, tolerance: float) -> tup
 
 
 def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Number of the face of each triangle: the triangle's own number or, for a sliver, that of the neighbour across its
-    longest edge.
+    """Number of the face to which each triangle belongs: the triangle's own number or, for a very thin triangle
+    (sliver), that of the neighbour across its longest edge.
 
     A sliver has no usable normal, but the surface would not be closed without it.
 
@@ -249,7 +249,7 @@ def faces_of(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def is_sliver(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Whether the vertices of a triangle are collinear up to rounding.
+    """Whether a triangle is a sliver: its corners lie on a line, up to rounding.
 
     Parameters
     ----------

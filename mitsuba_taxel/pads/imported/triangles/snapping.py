@@ -149,7 +149,8 @@ class Patches:
         return result
 
     def onto_features(self, points: np.ndarray, belongs: np.ndarray, reach: float) -> np.ndarray:
-        """Project points on several patches onto their common curve or corner, if it is within reach.
+        """Project points that belong to several patches onto the curve or corner where these patches meet, if it is
+        within reach.
 
         Parameters
         ----------
