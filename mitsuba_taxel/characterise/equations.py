@@ -17,7 +17,8 @@ from mitsuba_taxel.characterise.replicates import at_largest
 
 
 class Deviation(NamedTuple):
-    """Largest difference of two branches of each channel, in percent of the channel's largest change.
+    """Largest difference between two branches for each channel, in percent of the channel's largest change. A branch is
+    a section of an experiment in which the force only grows or only falls.
 
     ``percent`` (channels,) is the difference. The maximum of noisy magnitudes would be biased upwards. Each half of the
     replicates is therefore evaluated at the force where the other half has its maximum, with the sign of that maximum;

@@ -13,7 +13,8 @@ from mitsuba_taxel.base.replicates import standard_error
 
 
 class Tangents(NamedTuple):
-    """Noise-free readings at points of a branch, and their slopes against its force, for cubic interpolation.
+    """Readings without noise at the points of one loading or unloading branch, and their slopes against the force, for
+    cubic interpolation.
 
     ``value`` (points, channels), ``slope`` in W/N, and ``error``, one standard deviation of the slope.
     """
@@ -29,7 +30,7 @@ class Tangents(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A section of an experiment with monotonic force.
+    """A section of an experiment in which the force only grows or only falls.
 
     Parameters
     ----------
@@ -71,12 +72,12 @@ class Branch:
 
     @property
     def value(self) -> np.ndarray:
-        """Mean over the replicates (points, channels)."""
+        """Mean readings (points, channels) over the replicates."""
         return self.samples.mean(axis=1)
 
     @property
     def error(self) -> np.ndarray:
-        """Standard error of :attr:`value` (points, channels); NaN with one replicate."""
+        """Standard error (points, channels) of the mean readings :attr:`value`; NaN with one replicate."""
         return standard_error(self.samples, axis=1)
 
     @property
@@ -86,16 +87,16 @@ class Branch:
 
     @property
     def side(self) -> float:
-        """Sign of the force at its largest magnitude."""
+        """Sign of the force where its magnitude is largest: 1 or -1."""
         return float(np.sign(self.force[np.abs(self.force).argmax()]))
 
     def part(self, points: slice | np.ndarray) -> Branch:
-        """The branch restricted to a selection of its points."""
+        """The branch with a selection of its points only."""
         tangents = self.tangents and self.tangents.part(points)
         return Branch(self.force[points], self.samples[points], tangents, self.is_fitted)
 
     def at(self, force: np.ndarray) -> np.ndarray:
-        """Samples (forces, replicates, channels) at forces within the branch, linearly interpolated."""
+        """Readings (forces, replicates, channels) at forces within the branch, linearly interpolated."""
         from scipy.interpolate import make_interp_spline
 
         order = np.argsort(self.force)
@@ -144,7 +145,9 @@ class Experiment:
         return replace(self, where={**where, **self.where})
 
     def weighted(self, weights: np.ndarray) -> Experiment:
-        """The same experiment with one channel: the sum of the taxels with weights (channels,)."""
+        """The same experiment with one channel: the sum of the readings of all taxels, each multiplied by its weight
+        (channels,).
+        """
 
         def sums(run: Branch) -> Branch:
             tangents = run.tangents and Tangents(
@@ -164,7 +167,7 @@ class Experiment:
 
     @property
     def branches(self) -> list[Branch]:
-        """The runs in the order of loading, split where they pass through zero."""
+        """The runs in the order of loading, each split where its force passes through zero."""
         branches = [branch for run in self.runs for branch in split_at_zero(run)]
         return [branch if self.ordered or branch.loading else branch.part(slice(None, None, -1)) for branch in branches]
 
@@ -179,7 +182,7 @@ class Experiment:
 
 
 def split_at_zero(run: Branch) -> list[Branch]:
-    """The branches of a run; branches of fewer than two points are left out."""
+    """Split a run where its force passes through zero, and leave out parts of fewer than two points."""
     slices = parts_at_zero(run.force)
     return [run.part(points) for points in slices if len(run.force[points]) > 1]
 

@@ -36,8 +36,9 @@ class LoadLine:
 
     @property
     def ordered(self) -> bool:
-        """Whether the load passed through the forces in this order. Forces with separate dimensions belong to
-        independent scenes."""
+        """Whether the load passed through the forces in this order. It did not if the force is a dimension of the
+        study: the forces then belong to independent scenes.
+        """
         return self.dim not in FORCES
 
     @property

@@ -78,7 +78,9 @@ def changed_by_shape(study: xr.Dataset) -> dict[Mode, list[xr.Dataset]]:
 
 
 def scenes_changed_by_shape(study: xr.DataTree) -> dict[Mode, list[xr.DataTree]]:
-    """Result of `changed_by_shape` for a study of several scenes; a mode that a scene lacks leaves it unchanged."""
+    """The result of `changed_by_shape` for a study of several scenes. A mode (independent component of the shape error)
+    leaves a scene unchanged if it does not exist there.
+    """
     modes = _modes([leaf.to_dataset() for leaf in study.leaves])
     return _by_mode(modes, study.map_over_datasets(_changed, modes)) if modes else {}
 
@@ -139,7 +141,9 @@ def with_shape(
 
 
 def besides_shape(error: np.ndarray, shifts: Iterable[np.ndarray]) -> np.ndarray:
-    """Errors of derivatives with the errors of the shape subtracted in squares; at least 0."""
+    """Remove the errors of the pads' shape from the errors of derivatives: root of the difference of the squares, at
+    least 0.
+    """
     return np.sqrt(np.maximum(error**2 - sum(shift**2 for shift in shifts), 0.0))
 
 

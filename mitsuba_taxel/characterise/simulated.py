@@ -27,7 +27,8 @@ SLOPES = (
 
 
 class Simulated(NamedTuple):
-    """Experiments of a study, with the effect of shape errors, tangential maps and notes.
+    """Experiments of a study, how errors of the pads' shape change them, maps of taxels under tangential loads, and
+    notes.
 
     Attributes
     ----------

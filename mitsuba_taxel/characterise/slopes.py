@@ -16,7 +16,8 @@ PLACES, FIT_PLACES = 1001, 101
 
 
 class Slopes(NamedTuple):
-    """Slopes (channels,) in W/N or V/N with their standard errors; NaN where the run has no such slope.
+    """Slopes (channels,) of readings along a run of load in W/N or V/N, with their standard errors; NaN where a slope
+    is undefined.
 
     If the run has tangents, these are slopes of the cubic curves through values and slopes, with the errors of the
     slopes. If the run is fitted and has at least `FEWEST` points, the largest slope and that at zero force are those of

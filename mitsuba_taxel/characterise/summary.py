@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Channel(NamedTuple):
-    """Weights (taxels,) of the taxels, and a name for their weighted sum; the name is empty for a single taxel."""
+    """A weighted sum of the taxels of an array: weights (taxels,), and a name, which is empty for a single taxel."""
 
     weights: np.ndarray
     words: str

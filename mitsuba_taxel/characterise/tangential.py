@@ -53,12 +53,12 @@ class TangentialMap:
 
     @property
     def change(self) -> np.ndarray:
-        """Mean change (rows, columns)."""
+        """Mean change of the reading of each taxel (rows, columns), in the unit of the experiment."""
         return self.samples.mean(axis=0).reshape(self.shape)
 
     @property
     def error(self) -> np.ndarray:
-        """Standard error of :attr:`change` (rows, columns)."""
+        """Standard error of the mean :attr:`change` of each taxel (rows, columns)."""
         return standard_error(self.samples).reshape(self.shape)
 
 

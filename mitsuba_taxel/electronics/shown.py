@@ -36,7 +36,7 @@ class ShownDerivatives(NamedTuple):
     to_saturation: np.ndarray
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """The derivatives as rows of a table.
+        """The derivatives as rows of a table, one for each taxel and parameter.
 
         Yields
         ------
@@ -50,7 +50,7 @@ class ShownDerivatives(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """Outputs of a circuit for the readings of T taxels.
+    """Outputs of a circuit for the readings of T taxels: voltage, counts and noise.
 
     Attributes
     ----------

@@ -76,7 +76,7 @@ class ReadingModel:
         return shown[self._setting_of_row], jacobian[self._setting_of_row]
 
     def errors(self, unknowns: np.ndarray, by_row: np.ndarray) -> ModelError:
-        """Errors of the model's readings at values of the unknowns, from one more evaluation of the scene.
+        """Errors of the simulated readings at given values of the unknowns, from one more evaluation of the scene.
 
         Parameters
         ----------

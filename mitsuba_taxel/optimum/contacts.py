@@ -16,7 +16,7 @@ from mitsuba_taxel.studies.plan.batch import Batch
 
 
 class DesignContact(NamedTuple):
-    """First contact of the pad of a design along a line of loads, with derivatives.
+    """The load at which the pad of a design first touches something, along a line of loads, with derivatives.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -
 
 
 def undetermined_end(plan: Plan, responses: DesignResponses, contacts: Mapping[str, DesignContact]) -> str:
-    """Reason why a figure of a design is undetermined: its load path ends, and the derivatives of the end are unknown.
+    """Reason why a figure of a design is undetermined; empty if all figures are determined.
 
     Empty if all figures are determined. A constraint that the design meets at the end of the path needs no derivatives.
     """

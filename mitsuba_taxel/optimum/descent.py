@@ -40,7 +40,7 @@ STEPS = 100
 
 
 class Trial(NamedTuple):
-    """Evaluation of a point of the unit cube, to be compared with the last accepted point.
+    """Evaluation of a tried point of the unit cube of the variables, to be compared with the last accepted point.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ At = Callable[[np.ndarray, np.ndarray], Trial]
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Best step in the quadratic model, for V variables, N goals and M limits.
+    """Best step in the quadratic model of the objective, for V variables, N goals and M limits.
 
     Attributes
     ----------

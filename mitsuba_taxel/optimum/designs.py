@@ -71,7 +71,7 @@ class _DesignRows(NamedTuple):
 
     @property
     def all(self) -> list[int]:
-        """All rows."""
+        """All rows (load steps) that belong to the design."""
         return [*self.loads, *self.contacts.values()]
 
 
@@ -136,8 +136,9 @@ class DesignEvaluator:
         self._evaluated: dict[Design, DesignEvaluation] = {}
 
     def can_move(self, design: Design) -> bool:
-        """Whether the mesh of the design's ``origin`` can be moved to the shape of the design's pads. A design without
-        pads has no mesh to move. See :class:`Design` for ``origin``."""
+        """Whether the mesh of another design, the design's ``origin``, can be moved to fit this design. A design
+        without pads has no mesh to move.
+        """
         if not (self._has_pads and pads_of(self._plan.scene(design.alone))):
             return False
         try:
@@ -417,7 +418,7 @@ def _changed(design: Design, number: int, step: float) -> Design:
 
 
 def parts_of(scene: Scene) -> list[DeformablePad]:
-    """Specifications (plugin parameters) of all deformable pads of a scene."""
+    """Parameters of all deformable pads of a scene, as objects of their plugin's specification."""
     with scene.files_beside_it():
         nodes = scene.parsed(parser_config(activate_variant())).nodes
         return [DeformablePad.read(n.props) for n in nodes if n.props.plugin_name() == DeformablePad.plugin]

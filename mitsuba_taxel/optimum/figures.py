@@ -69,7 +69,7 @@ class LineResponse:
 
 @dataclass(frozen=True, eq=False)
 class DesignResponses:
-    """Readings and dimensions of a design, from which figures are computed.
+    """Readings and dimensions of a design, from which its figures of merit are computed.
 
     Attributes
     ----------
@@ -322,7 +322,7 @@ FIGURES_OF_MERIT: dict[str, FigureOfMerit] = {
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a study: its kind, parameters, and unit."""
+    """A figure of merit that a study requests: its kind, parameters, and unit."""
 
     kind: str
     parameters: dict[str, Any]
@@ -337,7 +337,9 @@ class Figure:
         return " ".join(filter(None, named))
 
     def components(self, responses: DesignResponses) -> np.ndarray:
-        """Components (N,) of the figure as complex numbers, whose imaginary parts are derivatives times `TINY`."""
+        """Components (N,) of the figure, such as one per taxel, as complex numbers: each imaginary part is `TINY` times
+        the derivative with respect to a variable.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             return FIGURES_OF_MERIT[self.kind].components(responses, **self.parameters)
 

@@ -86,12 +86,14 @@ class Optimiser:
 
     @property
     def before(self) -> Design:
-        """The design of the original scene or, if its evaluation failed, the first evaluated design."""
+        """The design to compare with: that of the original scene or, if its evaluation failed, the first evaluated
+        design.
+        """
         readable = [design for design in self.history if self._read[design] is not None]
         return next((design for design in readable if design == self.plan.before), readable[0])
 
     def read(self, design: Design) -> DesignEvaluation:
-        """The evaluation of a design; it must exist."""
+        """The evaluation of a design that has been evaluated already."""
         evaluated = self._read[design]
         assert evaluated is not None
         return evaluated
@@ -205,7 +207,8 @@ class Optimiser:
         return min(feasible, key=lambda pair: pair[1].worst)[0] if feasible else None
 
     def gain_from(self, start: Design) -> tuple[float, int]:
-        """Run a descent from an evaluated design; returns its gain, and the number of designs that it evaluated.
+        """Run a descent from an evaluated design on one mesh; returns its gain, and the number of designs that it
+        evaluated.
 
         The gain is relative to the objective of the start. Designs are compared on the same mesh only; where the mesh
         is renewed, the gains on both meshes are added.
@@ -228,7 +231,8 @@ class Optimiser:
         return gain / (abs(first.worst) or 1.0), len(self.history) - before
 
     def stationarity(self, best: Design, *finer: DesignEvaluation) -> Stationarity:
-        """Karush-Kuhn-Tucker conditions of a design: Lagrange multipliers, and the slope that remains.
+        """Whether a design satisfies the conditions of an optimum (Karush-Kuhn-Tucker): its Lagrange multipliers, and
+        the slope that remains.
 
         Gradients differ from mesh to mesh. They are averaged over the design itself, a close design on each of the
         other meshes, and ``finer``, the design on finer meshes.
@@ -261,7 +265,7 @@ class Optimiser:
         return 1 + self.history.index(Design(design.choice, design.family))
 
     def rows(self) -> list[dict[str, Any]]:
-        """Rows of the table ``history`` of `Optimum`."""
+        """The evaluated designs as rows of the table ``history`` of an `Optimum`."""
         plan, rows, best = self.plan, [], float("nan")
         for number, design in enumerate(self.history, start=1):
             row: dict[str, Any] = {"design": number, "descent": self._descent_of[design]}
@@ -299,7 +303,8 @@ def with_rates(figure: Figure, read: DesignEvaluation) -> tuple[np.ndarray, np.n
 
 
 def worst_of(criterion: Goal | Limit, read: DesignEvaluation) -> float:
-    """The worst component of a figure, including its spread due to tolerances.
+    """The worst component of a figure of merit, such as that of the worst taxel, including its spread due to
+    tolerances.
 
     It is the largest component if the figure should be small, else the least; NaN if the design has no component, as a
     flat roof has no radius.

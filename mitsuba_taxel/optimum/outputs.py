@@ -115,7 +115,9 @@ def printed_optimum(result: Optimum) -> Printed:
 
 
 def changes(result: Optimum) -> list[tuple[str, str, str, str]]:
-    """Changed parameters: name, value before, value of the best design, and active bound."""
+    """The parameters that the optimisation changed, as rows: name, value before, value of the best design, and active
+    bound.
+    """
     at = dict(zip(result.variables.variable, result.variables["at"], strict=True))
     pairs = ((name, result.before[name], word) for name, word in result.best.items())
     return [(name, old, f"{at_best(word)}", at.get(name, "")) for name, old, word in pairs if word != old]
@@ -167,5 +169,7 @@ def slope_line(result: Optimum) -> str:
 
 
 def cost_line(result: Optimum) -> str:
-    """Seconds, and numbers of designs and load steps. The numbers may change with rounding errors."""
+    """State the cost of the optimisation in one line: seconds, and numbers of designs and load steps. The numbers may
+    change with rounding errors.
+    """
     return f"Seconds: jobs {result.seconds:.0f}, of {len(result.history)} designs with {result.load_steps} load steps"

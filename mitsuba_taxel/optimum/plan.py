@@ -104,7 +104,9 @@ class Design:
 
     @property
     def family(self) -> tuple[float, ...]:
-        """The variables of the design that was meshed: this design, or the origin of its moved mesh."""
+        """What identifies the mesh of a design: the variables of the design that was meshed, which is this design or
+        the origin of its moved mesh.
+        """
         return self.x if self.origin is None else self.origin
 
 
@@ -151,7 +153,7 @@ class Plan:
 
     @property
     def criteria(self) -> list[Goal | Limit]:
-        """The objective, and all constraints."""
+        """The objective and all constraints of the optimisation, in one list."""
         return [self.goal, *self.limits]
 
     @property
@@ -161,7 +163,7 @@ class Plan:
 
     @property
     def base(self) -> dict[str, str]:
-        """Parameters of the original scene."""
+        """Values of the parameters of the original scene, by name."""
         return self.batch.scene({}).parameters
 
     @property
@@ -172,7 +174,7 @@ class Plan:
 
     @property
     def figures(self) -> list[Figure]:
-        """All figures."""
+        """The figures of merit of the objective and of all constraints."""
         return [criterion.figure for criterion in (*self.criteria, *([self.front[0]] if self.front else []))]
 
     @property
@@ -191,18 +193,21 @@ class Plan:
 
     @property
     def before(self) -> Design:
-        """The design of the original scene; for a choice that does not allow the scene's word, its first word."""
+        """The design of the original scene. If a choice does not allow the scene's word, it has the first allowed word.
+        """
         base = self.base
         choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
         return Design(choice, tuple(variable.start_fraction for variable in self.variables))
 
     def has(self, choice: tuple[str, ...]) -> list[bool]:
-        """Whether each variable applies to a choice."""
+        """Whether each variable applies to a choice of words, as a tuple."""
         words = dict(zip(self.choices, choice, strict=True))
         return [all(words[name] in of for name, of in variable.only.items()) for variable in self.variables]
 
     def design(self, choice: tuple[str, ...], x: Sequence[float]) -> Design:
-        """The design with these words and variables; variables that do not apply get their initial values."""
+        """The design with a word for each choice and a value for each variable; variables that do not apply get their
+        initial values.
+        """
         pairs = zip(self.variables, x, self.has(choice), strict=True)
         return Design(
             choice, tuple(value if applies else variable.start_fraction for variable, value, applies in pairs)
@@ -218,8 +223,9 @@ class Plan:
         }
 
     def parameters(self, design: Design) -> dict[str, str]:
-        """Parameters of the scene of a design; variables that do not apply are `NONE`, which removes the elements that
-        use them."""
+        """Values of the scene's parameters for a design. Variables that do not apply are `NONE`, which removes the
+        elements that use them.
+        """
         numbers = {name: f"{value:.12g}" for name, value in self.values(design).items()}
         words = dict(zip(self.choices, design.choice, strict=True))
         return {**words, **{variable.name: numbers.get(variable.name, NONE) for variable in self.variables}}
@@ -237,11 +243,11 @@ class Plan:
         return ", ".join(f"{name}={word}" for name, word in origin.items() if word != NONE)
 
     def scene_parameters(self, design: Design) -> dict[str, str]:
-        """Parameters of the scene of a design, with `MESHED_AS`."""
+        """Values of the scene's parameters for a design, including `MESHED_AS`, the design whose mesh is deformed."""
         return self.parameters(design) | ({} if design.origin is None else {MESHED_AS: self.mesh_of(design)})
 
     def scene(self, design: Design) -> Scene:
-        """The scene of a design."""
+        """The loaded scene of a design."""
         return self.batch.scene(self.scene_parameters(design))
 
     def initial_designs(self) -> list[Design]:

@@ -56,7 +56,7 @@ class Linearisation:
 
 @dataclass(frozen=True, eq=False)
 class Stationarity:
-    """Karush-Kuhn-Tucker conditions at a point.
+    """How far a point is from the conditions of an optimum (Karush-Kuhn-Tucker): remaining slope and multipliers.
 
     Attributes
     ----------
@@ -142,7 +142,8 @@ def _scatter(gradients: np.ndarray, normals: np.ndarray) -> float:
 def balanced(
     goal_rates: np.ndarray, limit_rates: np.ndarray, ends: np.ndarray, bent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Weights of goals and Lagrange multipliers of limits and bounds with the least remaining gradient.
+    """Weights of the goals and Lagrange multipliers that leave the least gradient at a point, for limits and bounds
+    that are active.
 
     They are found by non-negative least squares.
 

@@ -280,7 +280,7 @@ class _Surfaces:
         self.reflectance = mi.Float(in_packets(np.array(values)))
 
     def at(self, step: PathStep) -> mi.UInt32:
-        """The number of the surface that is hit."""
+        """The number of the surface that is hit in a step of light paths."""
         number = dr.minimum(dr.reinterpret_array(mi.UInt32, step.si.shape), self.last)
         start = dr.gather(mi.UInt32, self.starts, number, step.hit)
         stride = dr.gather(mi.UInt32, self.strides, number, step.hit)
@@ -292,7 +292,7 @@ class _Surfaces:
         return dr.select(step.weight < reflectance, (reflectance - step.weight) / (1 - step.weight), 0)
 
     def sort(self, shares: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-        """Places and fractions (R, P) for output.
+        """Sort the P places where light ends for output, with their fractions (R, P).
 
         Light that rounding puts just outside the rim of a phototransistor counts as detected.
         """

@@ -157,8 +157,8 @@ def measured(
     continued: Readings | None = None,
     derivatives: Sequence[str] = (),
 ) -> tuple[Readings, Prepared]:
-    """Compute the readings of a scene as :func:`measure` does, and return the prepared scene as well, for use without
-    reloading.
+    """Compute the readings of a scene as :func:`measure` does, and return the prepared scene too, so that it need not
+    be loaded again.
 
     Parameters
     ----------

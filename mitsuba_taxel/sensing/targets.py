@@ -409,7 +409,7 @@ def finer_mesh(
 
 
 def rungs_to(target: float, meshes: list[tuple[float, float]], order: float = ORDER) -> int:
-    """Estimate how many times the mesh size must be reduced by the factor `RUNG` until the error reaches the target.
+    """Estimate how often the mesh size must be reduced by the factor `RUNG` until the error reaches the target.
 
     Errors scatter from one mesh to the next. The present error is therefore taken as the geometric mean of the errors
     on all meshes, each scaled to the last mesh size.

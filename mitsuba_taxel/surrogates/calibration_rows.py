@@ -29,7 +29,9 @@ OVER = {
 
 
 class Rows(NamedTuple):
-    """Data of a fit: readings (rows, taxels) in W or V, quantities (rows, quantities), and path numbers (rows,)."""
+    """Data from which a calibration is fitted: readings (rows, taxels) in W or V, quantities (rows, quantities), and
+    path numbers (rows,).
+    """
 
     readings: np.ndarray
     quantities: np.ndarray
@@ -37,7 +39,7 @@ class Rows(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Names and units of the quantities, unit of the readings, and rows."""
+    """Data of a calibration with names and units: of the quantities and of the readings."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]

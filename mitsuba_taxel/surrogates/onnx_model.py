@@ -167,7 +167,7 @@ def study_error(study: xr.Dataset) -> StudyError:
 
 
 def json_number(number: float) -> float | None:
-    """The number for JSON, which has no NaN: None if it is not finite."""
+    """Convert a number for JSON, which has no NaN: None if it is not finite."""
     return number if np.isfinite(number) else None
 
 

@@ -74,7 +74,8 @@ def interval_of_paths(missed: np.ndarray, path: np.ndarray, coverage: float) -> 
 
 
 def contained_by_path(missed: np.ndarray, folds: np.ndarray, path: np.ndarray, coverage: float) -> np.ndarray:
-    """Observed coverage of each path: fraction of its errors within the interval that the other folds determine.
+    """Fraction of the errors of each path that lies within the prediction interval from the other folds: the observed
+    coverage.
 
     Parameters
     ----------

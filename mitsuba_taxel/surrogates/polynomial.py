@@ -17,7 +17,7 @@ MOST_TESTS = 24
 
 
 class Unseen(NamedTuple):
-    """Test data: readings (rows, taxels) that a fit has not seen, and its predictions, in the unit of the readings."""
+    """Readings (rows, taxels) that were left out of a fit, and its predictions of them, in the unit of the readings."""
 
     wanted: np.ndarray
     predicted: np.ndarray
@@ -64,7 +64,7 @@ class Polynomial(NamedTuple):
 
 
 def single(study: xr.Dataset | xr.DataTree) -> xr.Dataset:
-    """The study if it is one of a single scene; raises `InputError` otherwise."""
+    """Check that a study has a single scene, and return it; raises `InputError` otherwise."""
     if isinstance(study, xr.DataTree):
         raise InputError("the study holds several scenes: the folder of one of them is needed.")
     return study

@@ -151,7 +151,9 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
 
 
 def is_smooth(mean: xr.Dataset) -> bool:
-    """Whether all readings of the sensor with mean parameters are computed without random numbers."""
+    """Whether all readings of the sensor with the mean of all parameters are computed without random numbers, so that
+    derivatives exist.
+    """
     return "smooth_power" in mean and bool(np.isfinite(mean.smooth_power).all())
 
 

@@ -57,7 +57,7 @@ def figures(
 
 
 def shown_readings(power: np.ndarray, circuit: Circuit | None) -> np.ndarray:
-    """Readings of any shape in W, converted to V if there is a circuit; NaN remains NaN."""
+    """Readings of any shape in W, converted to V if there is a circuit; NaN (missing) stays NaN."""
     return power if circuit is None else np.where(np.isnan(power), np.nan, respond(circuit, lit(power)).voltage)
 
 

@@ -34,16 +34,16 @@ class Law:
 
     @property
     def mean(self) -> float:
-        """Mean, at which derivatives are taken."""
+        """Mean of the distribution, at which derivatives are taken."""
         return float(self.distribution.mean())
 
     @property
     def deviation(self) -> float:
-        """One standard deviation."""
+        """Standard deviation of the distribution."""
         return float(self.distribution.std())
 
     def values(self, shares: np.ndarray) -> np.ndarray:
-        """Quantiles of the distribution.
+        """Quantiles of the distribution, in the unit of the parameter.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class Law:
         return self.distribution.ppf(np.clip(shares, 1e-12, 1 - 1e-12))
 
     def standardised(self, shares: np.ndarray) -> np.ndarray:
-        """Quantiles relative to the mean, in standard deviations."""
+        """Quantiles of the distribution minus its mean, in standard deviations."""
         return (self.values(shares) - self.mean) / self.deviation
 
 

@@ -50,12 +50,14 @@ class TolerancePlan:
 
     @property
     def laws(self) -> list[Law]:
-        """The distributions."""
+        """The distributions of the independent variables."""
         return self.factors.laws
 
     @property
     def standardised(self) -> np.ndarray:
-        """Samples (samples, laws) as differences from the mean in standard deviations, rounded as in written scenes."""
+        """Samples (samples, laws) of the independent variables, as differences from the mean in standard deviations,
+        rounded as in written scenes.
+        """
         values = np.array(list(self._columns().values())).T
         return (values - [law.mean for law in self.laws]) / [law.deviation for law in self.laws]
 

@@ -59,7 +59,7 @@ class ResponseSurface:
 
 
 def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
-    """Fit the polynomial that predicts best, among all degrees for which there are enough samples.
+    """Fit a polynomial to the samples: of all degrees for which there are enough samples, the one that predicts best.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
 
 
 def fewest_of(parameters: int) -> int:
-    """The least number of samples to which a polynomial is fitted."""
+    """The least number of samples from which a polynomial of this many parameters is fitted."""
     return math.ceil(SPARE * (1 + parameters))
 
 
@@ -159,7 +159,8 @@ def _indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> tuple[np.ndarr
         averaged.append(np.outer(mean, mean))
 
     def square(which: Sequence[bool]) -> np.ndarray:
-        """Mean square (outputs,) of the output averaged over the parameters that do not vary."""
+        """Mean square (outputs,) of the output after averaging over all parameters except those that ``which`` selects.
+        """
         pairs = [
             varying_product if varies else averaged_product
             for varying_product, averaged_product, varies in zip(varying, averaged, which, strict=True)
@@ -248,7 +249,7 @@ class _LeastSquares:
         self.missed = np.divide(square, variance, out=np.zeros_like(variance), where=variance > 0)
 
     def redrawn(self) -> np.ndarray:
-        """Coefficients (resamples, terms, outputs) for resampled residuals.
+        """Coefficients (resamples, terms, outputs) of repeated fits to outputs with resampled residuals.
 
         The residuals are those of leave-one-out predictions, which the fit has not reduced.
         """

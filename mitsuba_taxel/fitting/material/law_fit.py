@@ -81,7 +81,7 @@ class LawFit:
 
 
 class Tests:
-    """The rows of all test curves in common arrays, with their noise.
+    """The rows of all curves of material tests in common arrays, with the noise of each row.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Tests:
         self.ends = np.cumsum([len(curve.lines) for curve in curves])[:-1]
 
     def columns(self, candidate: Candidate, shapes: Any, slacks: np.ndarray) -> np.ndarray:
-        """Columns (n, m) of a law, divided by the noise."""
+        """Terms (n, m) of a law, as columns for linear least squares, divided by the noise of each of n rows."""
         pairs = zip(self.curves, slacks, strict=True)
         rows = [candidate.columns(curve.mode, taken_up(curve, slack), tuple(shapes)) for curve, slack in pairs]
         return np.concatenate(rows) / self.deviation[:, None]

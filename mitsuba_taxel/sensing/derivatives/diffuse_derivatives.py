@@ -219,7 +219,9 @@ class _CellRates:
         self._changed = changed
 
     def derivatives(self, with_errors: bool, second: _Second | None) -> _CellDerivatives:
-        """Compute the results of the cell. The pairs of quadrature points, which take much memory, are not kept."""
+        """Compute the derivatives of the reading of this cell. The pairs of quadrature points, which take much memory,
+        are not kept.
+        """
         fine = self._solved(self._scene.degree)
         values = self._by_patch(fine, fine.gradient(self._scene.wider)).sum(axis=1)
         light, comparison = np.full(1 + len(values), np.nan), unknown(len(values))

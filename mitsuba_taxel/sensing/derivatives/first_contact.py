@@ -168,7 +168,7 @@ class _Touching:
         self.value = change.value + self._distance(0.0, self._linear.nodal(change), self._packages)
 
     def rate(self, name: str) -> float:
-        """Derivative of the value of ``along`` at the contact with respect to the parameter ``name``."""
+        """Derivative, with respect to the parameter ``name``, of the load at which the pad first touches something."""
         change = rates(self._scene, name)
         nodal = self._linear.nodal(change)
         scenes = change.scenes() if self._of_package else []

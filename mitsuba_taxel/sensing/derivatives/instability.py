@@ -36,7 +36,7 @@ class Instability:
         self.value = change.value - self._mode.stiffness / self._by_value
 
     def rate(self, name: str) -> float:
-        """Derivative of ``value`` with respect to another parameter of the scene."""
+        """Derivative of the load at the instability (``value``) with respect to another parameter of the scene."""
         return -self._stiffening(rates(self._scene, name)) / self._by_value
 
     def _stiffening(self, change: Rates) -> float:

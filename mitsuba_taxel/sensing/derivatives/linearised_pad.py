@@ -28,7 +28,7 @@ _kept: Recent[np.ndarray] = Recent("responses of linearised pads", MOST_KEPT)
 
 @dataclass(frozen=True, eq=False)
 class Nodal:
-    """Rates of change of the N nodes of a pad's mesh with one parameter.
+    """Rates of change of the N nodes of a pad's mesh when one parameter of the scene changes.
 
     Attributes
     ----------
@@ -48,7 +48,9 @@ class Nodal:
 
 
 class LinearisedPad:
-    """A pad linearised about its own state, or about a state on other elements."""
+    """A deformed pad, linearised about its own state or about a state on other elements: its nodes move in proportion
+    to parameters.
+    """
 
     def __init__(self, pad: PadShape, state: State) -> None:
         self.pad, self.state = pad, state

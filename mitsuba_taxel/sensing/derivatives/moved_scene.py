@@ -78,7 +78,7 @@ def walls_on(mesh: VolumeMesh, linear: LinearisedPad, nodal: Nodal) -> MovingWal
 
 
 class MovedScene:
-    """A prepared scene with one pad or none, at neighbouring values of one of its parameters.
+    """A prepared scene whose readings are computed at neighbouring values of one of its parameters.
 
     If the scene has no pad, the argument ``walls`` of its methods is None.
 

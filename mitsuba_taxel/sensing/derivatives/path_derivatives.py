@@ -144,7 +144,8 @@ class _Along:
         self._scene = MovedScene(effort.ready, change)
 
     def estimate(self, lit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives (T,) of T taxels in W per unit of the parameter, and their errors (T,).
+        """Derivatives of the readings with respect to one parameter: values (T,) of T taxels in W per unit of the
+        parameter, and their errors (T,).
 
         Errors due to the shape of the pad are averaged over the taxels that receive light, marked in ``lit`` (T,).
         """
@@ -283,8 +284,9 @@ class _Differences:
         self._powers: dict[tuple[float, MovingWalls | None], np.ndarray] = {}
 
     def over(self, step: float, walls: MovingWalls | None) -> np.ndarray:
-        """Derivatives (R, T) from differences over ``step``, in W per unit of the parameter, for R replicates and T
-        taxels."""
+        """Derivatives (R, T) from differences of readings over ``step``, in W per unit of the parameter, for R
+        replicates and T taxels.
+        """
         powers = np.array([self._power(offset * step, walls) for _, offset in self.stencil])
         return np.tensordot([weight / step for weight, _ in self.stencil], powers, axes=1)
 

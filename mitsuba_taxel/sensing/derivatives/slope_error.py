@@ -38,7 +38,7 @@ class Comparison(NamedTuple):
 
 
 def unknown(count: int) -> Comparison:
-    """The comparison for ``count`` parameters if there is no second mesh: all values are NaN."""
+    """The comparison of two meshes for ``count`` parameters if there is no second mesh: all values are NaN."""
     return Comparison(np.full(1 + count, np.nan), *np.full((3, count), np.nan))
 
 

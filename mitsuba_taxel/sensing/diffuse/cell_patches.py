@@ -53,12 +53,13 @@ class CellPatches:
         return self._with_package(self.faces.pattern, package) + 0.0  # no negative zeros
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """Displacement (F + G, 15, 3) of the patches, or its rate, from that (N, 3) of the N nodes of the finite
-        elements."""
+        """Displacement (F + G, 15, 3) of the patches' nodes, or its rate, from that (N, 3) of the N nodes of the finite
+        elements.
+        """
         return self._with_package(self.faces.carried(nodal), np.zeros_like(self.package))
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """Velocities of the patches with a dimension of the pad; see :meth:`WallPatches.moved`.
+        """Velocities of the patches' nodes while a dimension of the pad changes; see :meth:`WallPatches.moved`.
 
         Parameters
         ----------

@@ -313,8 +313,8 @@ class DiffuseCells:
             return _kept_mesh(pattern.tobytes(), degree)
 
     def cell_like(self, number: int, before: DiffuseCells) -> CellWalls:
-        """A cell of this scene, which differs from another scene in one parameter, with its patches cut as in the other
-        scene.
+        """The cell of this scene for a derivative: its patches are cut as in another scene, which differs in one
+        parameter.
 
         Parameters
         ----------
@@ -351,7 +351,7 @@ class DiffuseCells:
         return CellWalls(cell.number, cell.faces, cell_before.cuts, cell.has_edges, package, *scattered.T)
 
     def error_factor(self, number: int) -> float:
-        """Factor that converts the difference of two solutions to the error of a cell's light.
+        """Error of a cell's light, divided by the difference of two solutions on patches of two sizes.
 
         The factors for kinks and for edges multiply: the error of a cylinder with both is 0.7 %, whereas the root of
         the sum of their squares would state 0.3 % (`taxel bench light`, number 102).
@@ -373,7 +373,7 @@ class DiffuseCells:
         return all(np.array_equal(*pair) for pair in zip(*counts, strict=True))
 
     def solved(self, number: int, mesh: Mesh, positions: np.ndarray) -> Cell:
-        """Solve the light in a cell.
+        """Compute the exchange of light in a cell.
 
         Parameters
         ----------
@@ -465,8 +465,8 @@ def _kept_mesh(pattern: bytes, degree: int) -> Mesh:
 
 @kept(80)
 def kept_cell(mesh: Mesh, arguments: bytes) -> Cell:
-    """Solve the light in a cell; the result is cached for the derivatives of the reading, and for studies that read a
-    scene again.
+    """Compute the exchange of light in a cell; the result is cached for the derivatives of the reading, and for studies
+    that read a scene again.
 
     The cache holds three states of nine cells, which studies have already solved while they choose load steps and
     meshes.

@@ -68,8 +68,9 @@ class Taxel:
 
     @property
     def error_factor(self) -> float:
-        """Factor of the error of the light due to the angular laws of LED and phototransistor; see
-        :meth:`DiffuseCells.error_factor`."""
+        """Factor by which angular laws of LED and phototransistor increase the error of the light; see
+        :meth:`DiffuseCells.error_factor`.
+        """
         return KINKED if self.led.law.has_kinks or self.phototransistor.law.has_kinks else 1.0
 
     @property

@@ -41,8 +41,9 @@ def curved_pads(scene: mi.Scene) -> list[PadShape]:
 
 @contextmanager
 def with_chords(scene: mi.Scene) -> Iterator[None]:
-    """Context manager: replace the triangles of curved walls by inscribed triangles (chords), and restore them
-    afterwards."""
+    """Replace the triangles of curved walls by inscribed triangles (chords) within the block, and restore them
+    afterwards.
+    """
     pads = curved_pads(scene)
     with stages.stage("load"):
         chords = [pad.chords() for pad in pads]
@@ -52,8 +53,9 @@ def with_chords(scene: mi.Scene) -> Iterator[None]:
 
 @contextmanager
 def with_blunt_heights(scene: mi.Scene) -> Iterator[None]:
-    """Context manager: reduce the slopes of random heights by `1 / FACETS_SHARE` times the loss due to triangles, and
-    restore them afterwards."""
+    """Reduce the slopes of random heights within the block, and restore them afterwards. The reduction is `1 /
+    FACETS_SHARE` times the loss due to triangles.
+    """
     with stages.stage("load"):
         blunt = [(pad, pad.blunt_heights()) for pad in deformed_pads(scene)]
     rough = [(pad, places) for pad, places in blunt if places is not None]

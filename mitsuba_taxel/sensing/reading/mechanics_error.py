@@ -85,7 +85,7 @@ def combined(changes: np.ndarray) -> np.ndarray:
 
 @contextmanager
 def moved(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> Iterator[None]:
-    """Context manager: move the vertices of pads, and restore them afterwards.
+    """Move the vertices of pads within the block, and restore them afterwards.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def moved(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> 
 
 @contextmanager
 def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
-    """Context manager: restore the vertices of pads after the ``with`` block, whatever it moves.
+    """Restore the vertices of pads after the block, whatever it moves.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def restored(scene: mi.Scene, pads: Sequence[PadShape]) -> Iterator[None]:
 
 
 def move(scene: mi.Scene, pads: Sequence[PadShape], surfaces: list[Places]) -> None:
-    """Move the vertices of pads.
+    """Move the vertices of pads to other surfaces.
 
     Parameters
     ----------

@@ -70,8 +70,8 @@ def can_be_paired(ready: Prepared) -> bool:
 
 
 def paired(base: Scene, scene: Scene) -> Prepared:
-    """Prepare a scene so that its readings are computed as those of a base scene plus a difference, if this is possible
-    and reduces the noise.
+    """Prepare a scene for readings with little noise in their differences from a base scene. They are computed as those
+    of the base scene plus a difference, if this is possible and reduces the noise.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def quieter(ready: Prepared) -> Prepared:
 
 
 class PairedReading:
-    """Readings of a scene as those of a base state plus a difference.
+    """Readings of a scene, computed as those of a base state plus a difference, so that both share their noise.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ time than paths."""
 
 
 class Settings(NamedTuple):
-    """Settings of a reading.
+    """Number of points and mesh size of a reading.
 
     Attributes
     ----------

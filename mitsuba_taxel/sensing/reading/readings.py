@@ -73,7 +73,7 @@ def largest_share(error: np.ndarray, power: np.ndarray) -> float:
 
 
 def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
-    """Ratio of each error to its power. For a power of 0, the ratio is 0 if the error is 0, else infinite.
+    """Each error divided by its power. For a power of 0, the ratio is 0 if the error is 0, else infinite.
 
     Parameters
     ----------

@@ -35,8 +35,9 @@ CHOSEN_INTEGRATOR = "integrator taxel_tracer: it connects paths from LED and pho
 
 
 class PairedPowers(Protocol):
-    """Readings of a scene as those of a base state plus a difference, so that readings under several loads share their
-    noise."""
+    """Interface of readings that are computed as those of a base state plus a difference, so that readings under
+    several loads share their noise.
+    """
 
     def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
         """Readings (R, T) in W of T taxels in R replicates, and the number of points used; points are counted from
@@ -52,7 +53,7 @@ class PairedPowers(Protocol):
 
 
 class Prepared(NamedTuple):
-    """A loaded and checked scene with its integrator."""
+    """A loaded and checked scene with its integrator, ready for tracing."""
 
     scene: mi.Scene
     integrator: mi.Integrator
@@ -126,7 +127,7 @@ def described(scene: AnyScene) -> Scene | Prepared | mi.Scene:
 
 
 class Clock:
-    """Clock of a time budget."""
+    """A clock that measures the remaining part of a time budget."""
 
     def __init__(self, budget: float | None) -> None:
         self.end = math.inf if budget is None else time.perf_counter() + budget
@@ -137,7 +138,7 @@ class Clock:
         return self.end - time.perf_counter()
 
     def allows(self, seconds: float) -> bool:
-        """Whether a task that takes ``seconds`` would end within the budget."""
+        """Whether a task that takes ``seconds`` would end within the time budget."""
         return seconds <= self.left
 
 

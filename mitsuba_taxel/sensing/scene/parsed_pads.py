@@ -40,7 +40,9 @@ def announce_packages(state: mi.parser.ParserState) -> None:
 
 
 def move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> None:
-    """Let pads of built-in shapes use the meshes of other pads (``origins``), moved to their own dimensions."""
+    """Give pads of built-in shapes the meshes of other pads (``origins``), moved to their own dimensions, instead of
+    new meshes.
+    """
     from mitsuba_taxel.pads import Pad
     from mitsuba_taxel.specification.deformable_pad import DeformablePad
 

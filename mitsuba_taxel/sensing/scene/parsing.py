@@ -56,7 +56,8 @@ def far_transforms(props: mi.Properties) -> dict[str, str]:
 
 
 def guilty_parameters(parameters: Mapping[str, str]) -> str:
-    """List the parameters whose numbers are not finite or exceed :data:`FURTHEST`, as a part of a message.
+    """List the scene's parameters whose numbers are not finite or exceed :data:`FURTHEST`, as a part of an error
+    message.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ def follow(
 
 
 def landed(pair: TaxelPair, step: PathStep) -> tuple[mi.Bool, mi.UInt32]:
-    """Find the paths that hit the front of a phototransistor in this step.
+    """Mask of the paths that hit the front of a phototransistor in this step, and the phototransistors' numbers.
 
     Parameters
     ----------

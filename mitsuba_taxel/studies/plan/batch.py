@@ -93,7 +93,7 @@ class Batch:
     meshes: str = "all"
 
     def scene(self, values: Mapping[str, str]) -> Scene:
-        """The scene with these values of the varied parameters."""
+        """The scene of the batch with given values of the varied parameters."""
         assigned = {**self.defines, **values}
         return Scene(self.file, {name: word for name, word in assigned.items() if name != TO_CONTACT}, self.mesh_size)
 
@@ -277,7 +277,7 @@ def make_batch(
 
 
 def loads_among(roles: Mapping[str, tuple[str, int]]) -> list[str]:
-    """Names of the parameters that set a component of the load (force, displacement or pressure).
+    """Names of those parameters that set a component of the load (force, displacement or pressure).
 
     Parameters
     ----------

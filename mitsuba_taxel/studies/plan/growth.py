@@ -152,7 +152,7 @@ def without_failed(stored: Mapping[str, Any], batch: Batch, done: Set[int], fail
 
 
 def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int | None] | None:
-    """New numbers of the jobs of a stored study that is extended.
+    """Numbers that the jobs of a stored study get when it is extended by further values.
 
     Parameters
     ----------

@@ -86,7 +86,8 @@ class Job:
 
 
 class JobResult(NamedTuple):
-    """Result of a job: readings, seconds by stage, and the content of its files (PLY in mm, EXR) by name."""
+    """Result of a job: readings, computing time in s by stage, and the content of its files (PLY in mm, EXR) by name.
+    """
 
     readings: Readings
     seconds: dict[str, float]
@@ -95,7 +96,7 @@ class JobResult(NamedTuple):
 
 @dataclass(frozen=True)
 class Failure:
-    """Failure of a job, as it is stored and sent between processes.
+    """Reason why a job has no result, as it is stored and sent between processes.
 
     Attributes
     ----------

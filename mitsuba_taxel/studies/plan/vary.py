@@ -55,7 +55,7 @@ class Axis(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Length of the dimension."""
+        """Length of the dimension: the number of its values."""
         return len(next(iter(self.values.values())))
 
 
@@ -236,7 +236,7 @@ def curve_dimension(axes: Sequence[Axis]) -> str:
 
 
 def sides_along(axis: Axis) -> list[dict[str, int]]:
-    """For each value along a dimension, the side on which the other values lie, for one-sided derivatives at the ends.
+    """For each value along a dimension, the side on which the other values lie; derivatives at the ends are one-sided.
 
     Returns
     -------
@@ -254,7 +254,8 @@ def sides_along(axis: Axis) -> list[dict[str, int]]:
 
 
 def checked_places(axis: Axis) -> set[int]:
-    """Indices along a dimension at which the effect of the mechanics' error on readings is computed.
+    """Indices along a dimension at which the effect of the finite elements on readings is computed, rather than
+    interpolated.
 
     The effect changes slowly along a smooth curve; `MOST_CHECKED` evenly spread indices are chosen, and results between
     them are interpolated. All indices are returned if there are fewer, or if the values are not monotonic.

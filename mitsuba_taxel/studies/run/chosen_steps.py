@@ -108,7 +108,7 @@ class _StepCurve:
         self._readings: dict[float, tuple[np.ndarray, np.ndarray]] = {}  # by fraction; see _read
 
     def steps(self) -> list[float]:
-        """Steps, as sorted fractions of the range.
+        """The chosen load steps of the curve, as sorted fractions of the range of the force.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class _StepCurve:
         return sorted(self._readings)
 
     def steps_by_paths(self) -> list[float]:
-        """Steps where light is by random paths, as sorted fractions of the range.
+        """The chosen load steps if light is traced by random paths, as sorted fractions of the range of the force.
 
         They come from the cache of an earlier run if it holds them.
         """

@@ -73,8 +73,9 @@ class _Pilot:
         self._seconds: list[tuple[float, float]] = []  # by scene, see _costs
 
     def read(self, values: Mapping[str, str]) -> None:
-        """Determine points and mesh size of the scene with these values, starting from the mesh size of the earlier
-        scenes."""
+        """Determine, by a pilot run, the points and the mesh size of the scene with these values, starting from the
+        mesh size of the earlier scenes.
+        """
         scene = self.batch.scene(values).with_mesh_size(self.mesh_size)
         # Without a target: points for the light alone, none if light without random numbers is accurate enough.
         if self.batch.target_error is None:
@@ -101,7 +102,7 @@ class _Pilot:
         return without_tracing, run.seconds
 
     def affordable_points(self) -> int:
-        """Points for each taxel and replicate that the remaining time budget allows."""
+        """Points for each taxel and replicate that can be traced in the remaining time budget."""
         if not self._seconds:
             return MOST_POINTS
         jobs = math.prod(axis.size for axis in self.batch.axes)

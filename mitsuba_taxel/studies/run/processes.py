@@ -21,7 +21,7 @@ from mitsuba_taxel.base.processes.threads import set_thread_count
 
 
 def start(count: int, sharing: int) -> ProcessPoolExecutor:
-    """An executor of worker processes, each of which starts with its first job.
+    """Create an executor of worker processes, each of which starts with its first job.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def _start_tracker() -> None:
 
 
 def end(*executors: ProcessPoolExecutor) -> None:
-    """Terminate all processes of executors immediately."""
+    """Terminate immediately all worker processes of executors."""
     for executor in executors:
         for process in list((executor._processes or {}).values()):
             process.terminate()
@@ -63,7 +63,9 @@ def share_of_cores(sharing: int) -> int:
 
 
 def keep_to_share(sharing: int) -> None:
-    """Limit the threads of this process to its share of the cores: idle threads of Dr.Jit take time too."""
+    """Limit the threads of this process to its share of the cores, as one of ``sharing`` processes: idle threads of
+    Dr.Jit take time too.
+    """
     import drjit as dr
 
     dr.set_thread_count(share_of_cores(sharing))

@@ -71,7 +71,7 @@ def datasheet(
 
 
 def rows_line(counts: Mapping[str, int]) -> str:
-    """The printed line with the number of rows of each part.
+    """A line that states the number of rows of the training, validation and test set.
 
     Parameters
     ----------

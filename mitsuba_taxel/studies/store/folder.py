@@ -54,7 +54,9 @@ class StoreError(ComputationError):
 
 
 class StoredResult(NamedTuple):
-    """The result of a job as stored: readings, seconds by stage, and the names of its files in the folder."""
+    """The result of a job as it is stored on disk: readings, computing time in s by stage, and the names of its files
+    in the folder.
+    """
 
     readings: Readings
     seconds: dict[str, float]
@@ -245,7 +247,8 @@ class Store:
         return settings, seconds
 
     def keep_choice(self, settings: Settings, pilot_seconds: Mapping[str, float]) -> None:
-        """Store :attr:`choice`."""
+        """Store the settings that pilot runs have chosen, and the seconds of these runs; :attr:`choice` returns them.
+        """
         self._write_json(CHOICE, {**settings._asdict(), "pilot_seconds": dict(pilot_seconds)})
 
     def _write_json(self, name: str, content: Mapping[str, Any]) -> None:
@@ -296,7 +299,9 @@ class Store:
                     file.write_bytes(content)
 
     def load(self, number: int, parameters: Mapping[str, str]) -> StoredResult | None:
-        """Stored result of job ``number``; None if it is missing, damaged or has other parameters."""
+        """Load the stored result of job ``number``; None if it is missing, damaged or was computed with other
+        parameters.
+        """
         try:
             arrays = archive.unpack(self._job(number).read_bytes())
             kept = None if arrays is None else _kept(arrays)
@@ -312,7 +317,7 @@ class Store:
 
 
 def keepable(result: JobResult) -> StoredResult:
-    """A result with the names of its files instead of their contents."""
+    """A result of a job in the form that is stored: with the names of its files instead of their contents."""
     return StoredResult(result.readings, result.seconds, list(result.files))
 
 

@@ -59,7 +59,7 @@ def provenance(batch: Batch) -> dict[str, Any]:
 
 
 def own_code() -> str:
-    """Digest of the sources that readings depend on."""
+    """Digest of the source code of this package on which readings depend."""
     return code_digest(*ROOMS)[:16]
 
 

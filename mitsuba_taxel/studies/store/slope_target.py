@@ -44,7 +44,7 @@ class CurveErrors(NamedTuple):
 
     @property
     def relative(self) -> np.ndarray:
-        """(3, T) errors relative to the steepest taxel."""
+        """Errors (3, T) of the slopes by source, relative to the slope of the steepest taxel."""
         steepest = np.abs(self.value).max()
         return self.errors / (steepest if steepest > 0 else np.inf)
 
