@@ -1,4 +1,6 @@
-"""Serialised access to Mitsuba: the recording of Dr.Jit and the registered plugins are state of the process."""
+"""One thread at a time in Mitsuba: the recording of Dr.Jit's kernels and the registered plugins are shared by all
+threads of a process.
+"""
 
 from __future__ import annotations
 

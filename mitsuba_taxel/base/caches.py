@@ -68,7 +68,8 @@ class _OfFunction:
 
 
 class Recent(Generic[_Result]):
-    """A cache of results that are computed from arrays; all threads share it, and the least recent results go first.
+    """A cache of results that are computed from arrays. All threads share it, and the results that were used least
+    recently are removed first.
 
     Parameters
     ----------

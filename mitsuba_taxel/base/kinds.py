@@ -95,7 +95,7 @@ class Kind:
 
     @classmethod
     def named(cls, name: str) -> type[Self]:
-        """The kind with a given name; raises `InputError` if the family has no such kind."""
+        """The kind (class) with a given name; raises `InputError` if the family has no such kind."""
         if not isinstance(name, str) or name not in cls._registry:
             kinds = cls.kinds()
             hint = did_you_mean(name, kinds) if isinstance(name, str) else ""

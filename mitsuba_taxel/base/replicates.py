@@ -36,7 +36,7 @@ def standard_error(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
 
 
 def largest_scatter_share(replicates: np.ndarray, axis: int = 0) -> np.ndarray:
-    """Fraction of the scatter of replicates that is due to a single replicate; see `MOST_OF_SCATTER`.
+    """Largest fraction of the scatter of replicates that is due to a single replicate; see `MOST_OF_SCATTER`.
 
     The scatter is the sum of squared deviations from the mean; the replicate with the largest deviation counts.
 

@@ -91,7 +91,7 @@ class Boxes:
         return self.centre + shift
 
     def corners(self) -> np.ndarray:
-        """Corners (N, 8, 3) of the boxes in the world."""
+        """Corners (N, 8, 3) of the boxes in mm, in world coordinates."""
         return apply(self.to_world, self.centres()[:, None] + CORNERS * self.half)
 
     def relative(self, points: np.ndarray) -> np.ndarray:
@@ -121,7 +121,7 @@ def boxes_of(objects: SceneObjects) -> list[Boxes]:
 
 
 def to_world(obj: SceneObject) -> np.ndarray:
-    """Transformation (4, 4) of a shape from its own coordinates to world coordinates."""
+    """The matrix (4, 4) that transforms a shape's own coordinates to world coordinates."""
     transform: Any = obj.props.get("to_world", mi.ScalarTransform4f())
     return np.array(transform.matrix, dtype=float)
 

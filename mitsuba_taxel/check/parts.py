@@ -130,7 +130,7 @@ class SceneObject:
         return self.element.finding(severity, message)
 
     def nested(self, kind: str) -> list[SceneObject]:
-        """The nested objects of one kind, such as ``bsdf``."""
+        """The nested objects whose XML element has this name, such as ``bsdf``."""
         return [child for child in self.children.values() if child.kind == kind]
 
 
@@ -161,7 +161,7 @@ class SceneObjects:
         return all(obj.valid for obj in self.all)
 
     def of(self, *plugins: str) -> list[SceneObject]:
-        """Valid objects of the named plugins."""
+        """Valid objects of the scene that were created by one of the named plugins."""
         return [obj for obj in self.all if obj.valid and obj.plugin in plugins]
 
     def shapes(self) -> list[SceneObject]:
@@ -202,7 +202,9 @@ class _Maker:
         self.objects: dict[int, SceneObject] = {}
 
     def object_of(self, index: int) -> SceneObject:
-        """The object of node number ``index`` of Mitsuba's parser, created with its nested objects."""
+        """The object that Mitsuba's parser describes in node number ``index``, created together with its nested
+        objects.
+        """
         if index in self.objects:
             return self.objects[index]
         node = self.state.nodes[index]

@@ -35,7 +35,8 @@ def _guarded(name: str, check: Callable[[], Check]) -> Check:
 
 
 def check_optics() -> Check:
-    """Lambertian plate at 0.7 mm over a Lambertian LED and a phototransistor, 0.7 mm apart.
+    """Check the light: compare the reading under a Lambertian plate at 0.7 mm above a Lambertian LED and a
+    phototransistor, 0.7 mm apart, with its exact value.
 
     The reference is a deterministic quadrature of the single reflection, accurate to 8 digits. The check fails by
     chance once in a million runs.
@@ -53,7 +54,8 @@ def check_optics() -> Check:
 
 
 def check_mechanics() -> Check:
-    """One tetrahedron, glued to z = 0, under the tractions that shear it: x' = x + 0.2 z.
+    """Check the finite elements: compare the shear x' = x + 0.2 z of one tetrahedron, glued to z = 0 and under
+    tractions, with its exact value.
 
     For a neo-Hookean solid this motion is an exact solution, with the first Piola-Kirchhoff stress
     P = mu (F - I1/3 F^-T) and no pressure.

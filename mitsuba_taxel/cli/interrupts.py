@@ -13,7 +13,7 @@ except ValueError:  # in another thread than the main one, which no signal reach
 
 
 def raise_again() -> None:
-    """Let Ctrl-C raise a KeyboardInterrupt again."""
+    """Restore Python's behaviour on Ctrl-C: it raises KeyboardInterrupt."""
     try:
         if _before is signal.default_int_handler:
             signal.signal(signal.SIGINT, _before)

@@ -23,7 +23,7 @@ WITH_JSON = "the same command with --json"
 
 
 def full_table(count: int, source: str) -> str:
-    """A line that says where the rows of all taxels are."""
+    """A line that says in which file the rows of all taxels are."""
     return f"A row for each of the {count} taxels: {source}."
 
 
@@ -61,7 +61,7 @@ def summary_rows(
 
 
 def reading_quantities(readings: Readings) -> dict[str, np.ndarray]:
-    """Power, errors and photocurrent of the taxels, as :func:`summary_rows` takes them."""
+    """Power, errors and photocurrent of each taxel by name, as input of :func:`summary_rows`."""
     power, total = readings.power, readings.total_error
     quantities = {"power [W]": power}
     if readings.points:
@@ -103,7 +103,8 @@ def study_quantities(study: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def derivative_quantities(derivatives: Derivatives) -> dict[str, np.ndarray]:
-    """Derivatives with respect to each parameter, and their standard errors, as :func:`summary_rows` takes them."""
+    """Derivatives with respect to each parameter, and their standard errors, by name, as input of :func:`summary_rows`.
+    """
     quantities = {}
     for number, (name, unit) in enumerate(zip(derivatives.parameters, derivatives.units, strict=True)):
         quantities[f"{name} [{unit}]"] = derivatives.values[:, number]
@@ -112,7 +113,7 @@ def derivative_quantities(derivatives: Derivatives) -> dict[str, np.ndarray]:
 
 
 def crosstalk_quantities(crosstalk: Crosstalk) -> dict[str, np.ndarray]:
-    """Power on each phototransistor by its own and by the other LEDs, as :func:`summary_rows` takes it."""
+    """Power on each phototransistor by its own and by the other LEDs, by name, as input of :func:`summary_rows`."""
     own = np.diag(crosstalk.power)
     others = crosstalk.power - np.diag(own)
     return {

@@ -11,7 +11,7 @@ import click
 
 
 class Fraction(click.ParamType):
-    """A share strictly between 0 and 1, as a fraction (0.002) or in percent (0.2%)."""
+    """A command-line value strictly between 0 and 1, written as a fraction (0.002) or in percent (0.2%)."""
 
     name = "share"
 
@@ -45,7 +45,7 @@ class _Duration(click.ParamType):
 
 
 class NewFile(click.ParamType):
-    """A file to be written, with an allowed suffix, in a writable folder."""
+    """A command-line value that is the name of a file to be written, with an allowed suffix, in a writable folder."""
 
     name = "file"
 

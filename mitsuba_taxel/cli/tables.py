@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def print_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table of numbers on stdout; the first column is aligned left, the others right."""
+    """Print a table of numbers on the standard output; the first column is aligned left, the others right."""
     from mitsuba_taxel.base.files.text_table import text_table
 
     say(text_table(headings, rows, terminal_width()))
@@ -297,7 +297,7 @@ def print_notes(result) -> None:
 
 
 def print_left_out(lines: Sequence[str]) -> None:
-    """Print the work omitted for a scene, one line each."""
+    """Print which work was left out because a scene does not need it, one line each."""
     say("\nLeft out of this scene:")
     for line in lines:
         say(f"  {line}")

@@ -94,7 +94,8 @@ class Curve(NamedTuple):
 
 
 def touched_places(study: xr.Dataset) -> tuple[list[str], str]:
-    """Parameters of the contact's position, and of the load, in a study whose steps have several contact positions.
+    """Parameters that set the contact's position, and those that set the load, in a study whose steps have several
+    contact positions.
 
     Returns
     -------
@@ -263,7 +264,7 @@ def _key(curve: Curve) -> tuple[tuple[str, Any], ...]:
 
 
 def most_affected(study: xr.Dataset, curves: list[Curve]) -> dict[tuple[tuple[str, Any], ...], int]:
-    """Index of the taxel that changes most, for each curve by its :func:`_key`.
+    """Index of the taxel that changes most, for each curve of a study.
 
     It is the taxel that changes most along the curve if positions of a contact vary, else in all curves.
     """

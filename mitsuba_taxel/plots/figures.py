@@ -32,7 +32,7 @@ Case = TypeVar("Case")
 
 @dataclass(frozen=True)
 class Panel(Generic[Case]):
-    """Cases compared in one panel: its title, and the cases by name."""
+    """One panel of a figure: its title, and the curves or other cases that are compared in it, by name."""
 
     title: str
     cases: dict[str, Case]

@@ -24,7 +24,7 @@ def pack(arrays: Mapping[str, np.ndarray]) -> bytes:
 
 
 def unpack(content: bytes) -> dict[str, np.ndarray] | None:
-    """The arrays of :func:`pack`, by name; None if the bytes are not a result of :func:`pack`."""
+    """The named arrays that :func:`pack` has serialised; None if the bytes are damaged or of another kind."""
     digest, archive = content[:_DIGEST], content[_DIGEST:]
     if hashlib.sha256(archive).digest() != digest:
         return None

@@ -1,4 +1,4 @@
-"""Number of threads of mechanics and light; results do not depend on it."""
+"""Number of threads for finite elements and light; results do not depend on it."""
 
 from __future__ import annotations
 

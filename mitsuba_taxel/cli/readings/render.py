@@ -260,7 +260,7 @@ def readings_as_json(readings, volts=None) -> dict[str, object]:
 
 
 def derivatives_as_json(derivatives) -> dict[str, object]:
-    """The entry for ``--derivatives``."""
+    """The entry that ``--derivatives`` adds to the output of ``--json``."""
     if derivatives is None:
         return {}
     from ..tables import known
@@ -269,7 +269,7 @@ def derivatives_as_json(derivatives) -> dict[str, object]:
 
 
 def volts_as_json(volts) -> dict[str, object]:
-    """The entry for ``--circuit``, in addition to columns of the readings."""
+    """The entry that ``--circuit`` adds to the output of ``--json``, besides columns of the readings."""
     if volts is None:
         return {}
     step = {"volts_per_count": volts.step}
@@ -278,7 +278,7 @@ def volts_as_json(volts) -> dict[str, object]:
 
 
 def crosstalk_as_json(matrix) -> dict[str, object]:
-    """The entry for ``--crosstalk``: rows are LEDs, columns phototransistors."""
+    """The entry that ``--crosstalk`` adds to the output of ``--json``: rows are LEDs, columns phototransistors."""
     if matrix is None:
         return {}
     power, error = matrix.power.tolist(), matrix.standard_error.tolist()
@@ -290,7 +290,9 @@ def crosstalk_as_json(matrix) -> dict[str, object]:
 
 
 def audit_as_json(audit) -> dict[str, object]:
-    """The entry for ``--audit``: fractions of the emitted power by the places where the light is absorbed."""
+    """The entry that ``--audit`` adds to the output of ``--json``: fractions of the emitted power by the places where
+    the light is absorbed.
+    """
     if audit is None:
         return {}
     rows = zip(audit.places, audit.share.tolist(), audit.standard_error.tolist(), strict=True)

@@ -88,7 +88,7 @@ def _write(curves: Sequence[ErrorCurve], scene: Scene, folder: Path) -> None:
 
 
 def title(scene: Scene) -> str:
-    """Title of a diagram: the name of the scene, and its parameters that differ from their defaults."""
+    """Title of a work-precision diagram: the name of the scene, and its parameters that differ from their defaults."""
     changed = [f"{name} = {value}" for name, value in scene.parameters.items() if value != scene.defaults.get(name)]
     return ", ".join([scene.name, *changed])
 

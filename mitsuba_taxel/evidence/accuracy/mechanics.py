@@ -94,7 +94,7 @@ class FineMeshLimit:
 
 
 class PadRequest(NamedTuple):
-    """A pad, its material and its load, without the scene."""
+    """A pad with its material and load, to be solved without the rest of its scene."""
 
     pad: AnyPad
     material: Material
@@ -117,8 +117,9 @@ def _open(live: Any, mesh_size: float | None) -> list[PadShape]:
 
 
 class SizeRuns(NamedTuple):
-    """Runs by mesh size in mm, the mesh size of their reference in mm, and the reason why smaller elements were not
-    solved."""
+    """Computed readings by mesh size in mm, the mesh size of their reference in mm, and the reason why smaller elements
+    were not solved.
+    """
 
     solved: dict[float, UncachedReadings]
     judge: float
@@ -324,7 +325,7 @@ def solve(
 
 @contextmanager
 def from_nothing() -> Iterator[None]:
-    """Context manager: all caches of solutions, on disk and in memory, start empty."""
+    """Start all caches of solutions empty within the block, on disk and in memory."""
     kept = os.environ.get("MITSUBA_TAXEL_CACHE")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder

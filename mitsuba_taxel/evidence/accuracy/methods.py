@@ -128,7 +128,7 @@ def is_bounded(scene: Scene) -> bool:
 
 
 def offset_share(scene: Scene) -> float:
-    """Approximate relative error of readings by Mitsuba's own integrators due to the offset of ray origins from
+    """Approximate relative error of readings by Mitsuba's own integrators, which start rays at a distance from
     surfaces.
 
     The offset from a surface at the position p is 9e-5 (1 + max |p|), see

@@ -51,7 +51,8 @@ with an empty cache of solutions.
 @dataclass(frozen=True)
 class NominalRow:
     """Result of the studies of one cell shape; lists have an entry for each load path in `PATHS`. ``failure`` gives the
-    reason if the process failed."""
+    reason if the process failed.
+    """
 
     cell: str
     forces: list[int]
@@ -65,7 +66,7 @@ class NominalRow:
 
 @dataclass(frozen=True)
 class NominalShape:
-    """The studies of one cell shape."""
+    """The paper's nominal studies of one cell shape, as a case that is measured in a separate process."""
 
     cell: str
 

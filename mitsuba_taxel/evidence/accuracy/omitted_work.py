@@ -120,7 +120,9 @@ OF_ANY = ("everything imported", "three channels traced", "irradiance map accumu
 
 
 def additions(scene: str) -> list[list[str]]:
-    """The work that is added in each row of a scene, by name: first none, then each possible kind, then all kinds."""
+    """The work that is added in each row of the table for a scene, by name: first none, then each possible kind, then
+    all kinds.
+    """
     file, values = SCENES[scene]
     loaded = any(values.values())
     possible = [

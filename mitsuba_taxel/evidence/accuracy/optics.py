@@ -63,8 +63,9 @@ class _Trial:
 
     @property
     def sees_all(self) -> bool:
-        """Whether the method is unbiased and found light: the expected value of its estimates is the power of the
-        taxels."""
+        """Whether the method is unbiased and found light: the expected value of its estimates is then the power of the
+        taxels.
+        """
         return self.method.strategy == "all" and bool(self.rungs) and bool(self.rungs[-1].power.any())
 
     @property
@@ -129,7 +130,7 @@ def _trial(method: Method, scene: Scene, folder: Path, stray: float, seconds: fl
 def rungs(
     estimate: Estimator, seconds: float, most_samples: int, first_samples: int = FIRST_SAMPLES
 ) -> Iterator[SampleRuns]:
-    """Run an estimator with successively doubled numbers of samples. The time of compilation is excluded.
+    """Run an estimator of readings with successively doubled numbers of samples. The time of compilation is excluded.
 
     Parameters
     ----------

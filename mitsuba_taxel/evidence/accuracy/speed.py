@@ -98,8 +98,9 @@ def without_random_numbers(cell: str) -> tuple[float, float]:
 
 
 def with_slope(cell: str) -> tuple[float, float]:
-    """Measure a reading at -10 N with a cached solution of the mechanics. Returns the wall time in s without
-    derivatives, and with derivatives with respect to the force."""
+    """Measure the wall time in s of a reading at -10 N: without derivatives, and with derivatives with respect to the
+    force. The solution of the mechanics is cached.
+    """
     scene = Scene.from_file("pad.xml", cell=cell, fz=-10)
     measure(scene)  # solves
     return _seconds(partial(_solved, scene)), _seconds(partial(_solved, scene, derivatives=["fz"]))

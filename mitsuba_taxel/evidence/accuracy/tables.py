@@ -51,7 +51,7 @@ def write_csv(curves: Sequence[ErrorCurve], file: Path) -> None:
 
 
 def cells(curve: ErrorCurve) -> list[str]:
-    """Summarise one method by its last point, as a row of the table in the order of :data:`HEADINGS`."""
+    """Summarise one method by the last point of its curve, as a row of the table in the order of :data:`HEADINGS`."""
     if not curve.points:
         return [curve.part, curve.method or "-", "0", "-", "-", "-", "-", "-", f"not possible: {curve.remark}"]
     last = curve.points[-1]

@@ -137,8 +137,8 @@ def figures(
 
 
 def deviations(rows: Sequence[Any], figure: str, target: str) -> tuple[list[float], int]:
-    """List the true errors of a figure of merit at one target error, each divided by the combined standard error of
-    sweep and reference value.
+    """True errors of a figure of merit, such as a slope, at one target error, each divided by the combined standard
+    error of sweep and reference value.
 
     Parameters
     ----------
@@ -196,8 +196,9 @@ def summary(rows: Sequence[Any]) -> str:
 
 
 def taken_course(strain: float) -> float:
-    """Standard deviation that figures of merit assume for the change of a reading's error from the first load to the
-    last, relative to the stated error."""
+    """How much the error of a reading may change along a load path, as figures of merit assume: standard deviation of
+    the change from the first load to the last, relative to the stated error.
+    """
     return DIFFERENCE * min(max(COURSE, BY_STRAIN * strain), 1.0)
 
 

@@ -134,7 +134,9 @@ class LightCase:
 
 
 def traced(scene: Scene) -> Readings:
-    """Reference values: readings by random paths, with as many paths as the noise requires and the time allows."""
+    """Reference values: readings by random paths, with as many paths as are needed for low noise and as the time
+    allows.
+    """
     start, points = time.process_time(), FIRST
     readings = measure(scene, points=points, seed=1, mechanics_error=False)
     while True:

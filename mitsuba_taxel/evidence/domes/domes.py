@@ -113,8 +113,9 @@ relative error at the default size.
 
 @dataclass(frozen=True)
 class DomeRow:
-    """Comparison of one reading with its reference. `load` is in N and `truth`, the reference value, in W; `deviation`,
-    `noise` and `stated` are relative to it."""
+    """A row of the table of domed cells: one reading compared with its reference. `load` is in N and `truth`, the
+    reference value, in W; `deviation`, `noise` and `stated` are relative to it.
+    """
 
     cell: str
     wall: str
@@ -128,8 +129,9 @@ class DomeRow:
 
 @dataclass(frozen=True)
 class PadRow:
-    """Comparison of the reading of another pad with a mirror with its reference. `load` is in N and `truth`, the
-    reference value, in W; all other numbers are relative to it."""
+    """A row of the table of pads with mirrors: one reading compared with its reference. `load` is in N and `truth`, the
+    reference value, in W; all other numbers are relative to it.
+    """
 
     pad: str
     load: float
@@ -202,7 +204,7 @@ def mirrors_of_pads(starting: Callable[[str], None] | None = None) -> Iterator[P
 
 
 def stated_for_shape(readings: Readings) -> float:
-    """Stated relative error of readings due to geometry and mechanics."""
+    """Stated relative error of readings due to the pad's shape: facets of its surface, and finite elements."""
     return math.hypot(readings.error_budget["geometry"], readings.error_budget["mechanics"])
 
 

@@ -61,7 +61,7 @@ class Dome:
 
     @cached_property
     def widest(self) -> float:
-        """Polar angle of the rim in radians, seen from the centre of the sphere."""
+        """Polar angle of the dome's rim in radians, seen from the centre of the sphere."""
         return math.asin(RADIUS / self.radius)
 
     def at(self, polar, azimuth):

@@ -103,7 +103,7 @@ class _Outcome:
 
 
 def with_flaw(row: MechanicsRow, refused: bool) -> MechanicsRow:
-    """Test a row, and add the reason if it counts as a failure.
+    """Add to a row the reason why it counts as a failure, if it does.
 
     Parameters
     ----------

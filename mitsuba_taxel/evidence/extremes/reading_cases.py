@@ -58,7 +58,7 @@ mesh."""
 
 @dataclass(frozen=True)
 class ComparedReading:
-    """The reading of the taxel that deviates most, and its reference value.
+    """The reading of the taxel that deviates most from its reference value, and that value.
 
     Attributes
     ----------

@@ -67,7 +67,7 @@ class ProbabilityRow:
 
 @dataclass(frozen=True)
 class ProbabilityCase:
-    """One kind of synthetic data.
+    """One kind of synthetic data, for which stated probabilities of events are compared with how often they occur.
 
     Attributes
     ----------

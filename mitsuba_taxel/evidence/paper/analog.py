@@ -51,7 +51,8 @@ def _repetitions(scene: Path, defines: dict[str, object], number: int) -> np.nda
 
 
 class EmulatedSlope(NamedTuple):
-    """Maximum slope that the paper's procedure gives: mean and standard deviation over repetitions, in W/N.
+    """Maximum slope of a reading as the paper's procedure gives it: mean and standard deviation over repetitions, in
+    W/N.
 
     Attributes
     ----------

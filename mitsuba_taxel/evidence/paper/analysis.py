@@ -34,8 +34,9 @@ def table_one(studies: Mapping[str, Paths]) -> dict[str, dict[str, Sensitivity]]
 
 
 def expected_of_counting(nominal: Mapping[str, Paths]) -> dict[str, dict[str, EmulatedSlope]]:
-    """Maximum slopes that the paper's procedure would give with the readings of this program, by kind of force and cell
-    shape."""
+    """Maximum slopes that the paper's procedure of counting rays would give with the readings of this program, by kind
+    of force and cell shape.
+    """
     return {
         "normal": {cell: emulated(paths["fz"], "fz") for cell, paths in nominal.items()},
         "tangential": {cell: emulated(paths["fx"], "fx") for cell, paths in nominal.items()},
@@ -75,14 +76,14 @@ def explanations(
 
 
 def against_slopes(published: np.ndarray, slopes: list[Sensitivity]) -> CommonFactorFit:
-    """Fit published numbers as a common factor times the computed maximum slopes."""
+    """Fit published sensitivities as a common factor times the computed maximum slopes."""
     error = np.array([slope.max_slope_error for slope in slopes])
     value = np.array([least(slope) for slope in slopes])
     return common_scale(published, value, error / value)
 
 
 def least(slope: Sensitivity) -> float:
-    """The maximum slope, or its error if this is larger, so that ratios stay finite."""
+    """The maximum slope or, if it is larger, its error: a number that is not 0, so that ratios stay finite."""
     return max(slope.max_slope, slope.max_slope_error)
 
 

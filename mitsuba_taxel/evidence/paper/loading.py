@@ -69,7 +69,7 @@ def along_diagonal(store: PaperStudies, cell: str) -> xr.Dataset:
 
 
 def settings_of(study: xr.Dataset) -> dict[str, Any]:
-    """Number of points and mesh size of a study, as arguments for another study."""
+    """Number of points and mesh size of a study, as arguments for another study with the same settings."""
     mesh_size = study.attrs.get("mesh_size")
     return {"points": int(study.attrs["points"]) or None, "mesh_size": None if mesh_size is None else float(mesh_size)}
 

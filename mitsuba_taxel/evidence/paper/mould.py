@@ -53,7 +53,7 @@ under it."""
 
 
 class Change(NamedTuple):
-    """A change of the assembly or the load, in addition to the walls.
+    """A change of the assembly or the load of a pad from a printed mould, in addition to the walls.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class MouldWalls:
 
     @property
     def share(self) -> float:
-        """Force on the pad, relative to the force on a pad of 6 x 2 cells."""
+        """Force on the pad, relative to the force on a pad of 6 x 2 cells, for the same force per cell."""
         return math.prod(PADS[self.pad]) / math.prod(PADS[PAD])
 
     @property
@@ -211,7 +211,8 @@ def design() -> Iterator[MouldWalls]:
 
 def rest() -> Iterator[MouldWalls]:
     """The combinations of cell shape, mould, roof and sides of whole pads that :func:`design` omits; those with black
-    sides come first."""
+    sides come first.
+    """
     moulds = [(layer, direction) for layer in LAYERS for direction in (DIRECTIONS if layer else ("",))]
     done = set(design())
     for side, roof, (layer, direction), cell in product(SIDES, ROOFS, moulds, paper.MEASURED_NORMAL):

@@ -151,7 +151,7 @@ def pad_lines(mesh: VolumeMesh, material: NeoHookean) -> list[str]:
 
 
 def node_lines(points: np.ndarray, first: int) -> list[str]:
-    """Input lines that define nodes.
+    """Lines of a CalculiX input that define nodes.
 
     Parameters
     ----------

@@ -61,7 +61,7 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> np.
 
 
 def held(mesh: VolumeMesh) -> np.ndarray:
-    """Mask (N,) of the nodes that are glued to the board."""
+    """Mask (N,) of the nodes of a pad that are glued to the board."""
     glued = np.zeros(len(mesh.points), dtype=bool)
     glued[mesh.faces[mesh.face_region == REGIONS["bottom"]]] = True
     return glued

@@ -75,7 +75,7 @@ def samples_for(estimate: Estimator, seconds: float) -> int:
 
 
 def repeat(estimate: Estimator, samples: int, runs: int, truth: TruthEstimate) -> PeerResult:
-    """Run an estimator with several seeds, and compare it with the reference values.
+    """Run an estimator of readings with several seeds, and compare it with the reference values.
 
     If the reference values are exact, the variance is computed about them, so that it includes an error common to all
     runs; else about the mean of the runs.

@@ -33,7 +33,8 @@ COLUMNS = (
 
 
 def table(mesh_sizes: Sequence[float], tilts: Sequence[str]) -> Iterator[tuple[object, ...]]:
-    """Yield rows with the columns :data:`COLUMNS` as they are measured.
+    """Compare both programs for several mesh sizes and tilts of the plate, and yield rows with the columns
+    :data:`COLUMNS` as they are measured.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def table(mesh_sizes: Sequence[float], tilts: Sequence[str]) -> Iterator[tuple[o
 
 
 def row_of(mesh_size: float, tilt: str) -> tuple[object, ...]:
-    """The row of the table for a mesh size in mm and a tilt.
+    """Compare both programs for one mesh size in mm and one tilt of the plate. Returns the row of the table.
 
     CalculiX solves the pad under the force and the moment, and then under the motion of our plate. Differences of force
     and moment are those of the board's reactions to the same motion.
@@ -85,7 +86,7 @@ def row_of(mesh_size: float, tilt: str) -> tuple[object, ...]:
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, value: np.ndarray, increment: float, moved: bool = False) -> str:
-    """Input of CalculiX: the nodes of the top are a rigid body, with a node for its displacement and one for its
+    """Input text of CalculiX: the nodes of the top are a rigid body, with a node for its displacement and one for its
     rotation.
 
     Parameters

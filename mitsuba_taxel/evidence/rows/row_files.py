@@ -18,14 +18,14 @@ Row = TypeVar("Row", bound=Any)
 
 
 class Named(Protocol):
-    """An object with a name in a table."""
+    """Interface: an object with a name in a table."""
 
     @property
     def name(self) -> str: ...
 
 
 class NamedCase(Named, Measurable, Protocol):
-    """A named case of a table."""
+    """Interface: a named case of a table."""
 
 
 AnyCase = TypeVar("AnyCase", bound=NamedCase)

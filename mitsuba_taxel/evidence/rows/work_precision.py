@@ -26,7 +26,7 @@ LEAST_SPAN = 2.0
 
 @dataclass(frozen=True)
 class WorkPoint:
-    """A point of a work-precision diagram: error and time of one method with one setting.
+    """A point of a work-precision diagram: error and computing time of one method with one setting.
 
     Attributes
     ----------
@@ -143,7 +143,9 @@ class TruthEstimate:
 
     @property
     def floor(self) -> float:
-        """Relative error of the reference: root mean square over the taxels."""
+        """Relative error of the reference values, below which an error of a method is not significant: root mean square
+        over the taxels.
+        """
         return relative_rms(self.error, self.power)
 
 

@@ -88,14 +88,16 @@ class _PlaneView:
         return GAP + self.scale * (x - self.corner[0]), self.bottom - self.scale * (y - self.corner[1])
 
     def below(self, start: float, end: float, y: float, distance: float) -> str:
-        """A dimension line along the first coordinate, ``distance`` pixels below height ``y``."""
+        """SVG elements of a dimension line along the first coordinate, ``distance`` pixels below height ``y``."""
         (a, line), (b, _) = self.at(start, y), self.at(end, y)
         line += distance
         text = _text(0.5 * (a + b), line + TEXT + 1, _number(end - start))
         return _line(a, line, b, line) + "".join(_line(x, line - _TICK, x, line + _TICK) for x in (a, b)) + text
 
     def beside(self, start: float, end: float, x: float, distance: float) -> str:
-        """A dimension line along the second coordinate, ``distance`` pixels to the right of ``x``; negative is left."""
+        """SVG elements of a dimension line along the second coordinate, ``distance`` pixels to the right of ``x``;
+        negative is left.
+        """
         (line, a), (_, b) = self.at(x, start), self.at(x, end)
         line += distance
         anchor, shift = ("start", 7) if distance > 0 else ("end", -7)

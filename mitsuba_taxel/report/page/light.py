@@ -23,7 +23,9 @@ LIFT = 0.01
 
 
 class LitScene:
-    """A loaded scene, with the light of the taxel nearest to the middle of ``box``, corners (2, 3) in mm."""
+    """A loaded scene with light paths of one taxel, for the viewer of a page: the taxel nearest to the middle of
+    ``box``, corners (2, 3) in mm.
+    """
 
     def __init__(self, live: Any, box: np.ndarray) -> None:
         self._live, self._box, self._pairs = live, box, taxels_of(live)

@@ -34,7 +34,7 @@ MOST_ROWS = 2000
 
 
 def about(study: xr.Dataset, title: str, key: str) -> str:
-    """Section with the scene, its parameters, settings and versions."""
+    """Section of the page with the scene, its parameters, settings and versions."""
     readings = int(study.power.notnull().sum())
     varied = [
         f"{name}: {_span(study[name].values, study[name].attrs.get('units', ''))}"
@@ -71,7 +71,7 @@ def _provenance(study: xr.Dataset) -> list[str]:
 
 
 def power(study: xr.Dataset, key: str) -> str:
-    """Section with plot and table of the power against the varied parameters."""
+    """Section of the page with plot and table of the readings' power against the varied parameters."""
     curve = study.attrs["curve"]
     values = study.power.values[np.isfinite(study.power.values)]
     words = (
@@ -132,7 +132,8 @@ def _word(value: object) -> str:
 
 
 def merit(study: xr.Dataset, key: str) -> str:
-    """Section with sensitivity, linearity and tangential maps, in volts too if the study has a circuit.
+    """Section of the page with figures of merit: sensitivity, linearity and tangential maps, in volts too if the study
+    has a circuit.
 
     Empty if no force is varied.
     """
@@ -173,7 +174,7 @@ def _tangential(maps, pairs) -> str:
 
 
 def cost(study: xr.Dataset, key: str) -> str:
-    """Section with the error budget, and the time by stage."""
+    """Section of the page with the error budget, and the computing time by stage."""
     errors = budget_rows(study_error_budget(study))
     seconds = stage_totals(study)
     total = sum(seconds.values())

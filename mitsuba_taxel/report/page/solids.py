@@ -16,7 +16,9 @@ SPAN = 32000
 
 
 class ShownSurface(NamedTuple):
-    """Vertices (N, 3) in mm, triangles (M, 3) and their regions (M,), and contact pressure (N,) in MPa."""
+    """The surface of a deformed pad for the viewer: vertices (N, 3) in mm, triangles (M, 3) and their regions (M,), and
+    contact pressure (N,) in MPa.
+    """
 
     vertices: np.ndarray
     triangles: np.ndarray
@@ -50,15 +52,16 @@ def _read(file: Path) -> ShownSurface:
 
 
 class Topologies:
-    """Simplified surfaces of a panel; surfaces with the same triangles are simplified in the same way."""
+    """The distinct triangulations in a panel of the viewer, each simplified once; surfaces with the same triangles
+    share one.
+    """
 
     def __init__(self) -> None:
         self._places: dict[bytes, int] = {}
         self.coarse: list[CoarseSurface] = []
 
     def place(self, surface: ShownSurface) -> int:
-        """Index in ``coarse`` of the simplification of a surface; a simplification is added if the triangles are
-        new."""
+        """Index in ``coarse`` of the simplified triangulation of a surface, which is added if it is new."""
         key = surface.triangles.tobytes()
         if key not in self._places:
             self._places[key] = len(self.coarse)
@@ -78,7 +81,7 @@ class ArrayEncoding:
 
     @staticmethod
     def shares(values: np.ndarray, most: float) -> str:
-        """Values (V,) as fractions of ``most``: bytes from 0 to 255, as text."""
+        """Encode values (V,) as fractions of ``most``: bytes from 0 to 255, as text."""
         return _text(np.round(255 * np.clip(values / most, 0, 1)).astype(np.uint8))
 
     @staticmethod

@@ -197,13 +197,12 @@ def _measured() -> str:
 
 
 def reference(wall: MouldWalls) -> MouldWalls:
-    """Reference of a row: flat cells with the same roof, sides and assembly, from a smooth mould, as layers do not
-    change flat roofs."""
+    """The row to compare with: flat cells with equal roof, sides and assembly, from a smooth mould."""
     return replace(wall, cell=FLAT, layer=0.0, direction="")
 
 
 def size(number: Number) -> Number:
-    """Magnitude of a number, with the number's error."""
+    """Magnitude of a number, with its error."""
     return abs(number[0]), number[1]
 
 
@@ -219,7 +218,7 @@ def difference(first: Number, second: Number) -> Number:
 
 
 def bound(number: Number) -> float:
-    """Upper bound of a number: its value plus `RESOLVED` errors."""
+    """Upper bound of a number with an error: its value plus `RESOLVED` errors."""
     return number[0] + RESOLVED * number[1]
 
 
@@ -238,7 +237,7 @@ def _settings(figures: Figures) -> Iterator[tuple[MouldWalls, dict[str, MouldFig
 
 
 def misfit(row: Mapping[str, MouldFigures]) -> float:
-    """Typical factor between computed and measured sensitivities of round cells, relative to flat cells.
+    """Typical factor between computed and measured sensitivities of round cells, both relative to flat cells.
 
     Parameters
     ----------
