@@ -76,7 +76,9 @@ def _run(path: Path) -> None:
     except Exception as error:
         del sys.modules[name]
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise InputError(f"plugin = {path.name!r} cannot be run: {reason}.") from error
+        raise InputError(f"plugin = {path.name!r} cannot be run: {reason}; correct the file.") from error
     if mi.variant() != variant:
         mi.set_variant(variant)
-        raise InputError(f"plugin = {path.name!r} is not allowed: it changes the variant, which must be {variant}.")
+        raise InputError(
+            f"plugin = {path.name!r} is not allowed: it changes the variant, which must stay {variant}; take that out."
+        )

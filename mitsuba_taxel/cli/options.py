@@ -67,7 +67,7 @@ def assignments(ctx: click.Context, param: click.Parameter, values: tuple[str, .
         if not (name and equals and value):
             raise click.BadParameter(f"{word!r} is not of the form name=value.", ctx, param)
         if name in pairs:
-            raise click.BadParameter(f"{name} is given twice.", ctx, param)
+            raise click.BadParameter(f"{name} is given twice: give it once.", ctx, param)
         pairs[name] = value
     return pairs
 

@@ -108,7 +108,7 @@ class Circuit(Checked):
         if (self.temperature - ROOM_TEMPERATURE) / self.dark_decade > MOST_DECADES:
             raise InputError(
                 f"dark_decade = {self.dark_decade:g} is not allowed at temperature = {self.temperature:g}: at most "
-                f"{MOST_DECADES} decades above the dark current are possible."
+                f"{MOST_DECADES} decades above the dark current are possible; a larger dark_decade is needed."
             )
         for name in ("led_drift", "transfer_drift"):
             if self._grown(getattr(self, name)) <= 0:

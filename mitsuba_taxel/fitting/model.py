@@ -168,7 +168,9 @@ class ReadingModel:
         """A variable of a study as (..., settings, taxels), for the taxels with data."""
         missing = set(self._plan.data.taxels) - set(study.taxel.values)
         if missing:
-            raise ComputationError(f"the scene has no taxel {min(missing)}, for which there are data.")
+            raise ComputationError(
+                f"the scene has no taxel {min(missing)}, for which there are data: remove them, or add the taxel."
+            )
         return study[name].sel(taxel=self._plan.data.taxels).transpose(..., STEP, "taxel").values
 
     def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

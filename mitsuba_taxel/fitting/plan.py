@@ -129,7 +129,10 @@ def _unknown(name: str, definition: object) -> Unknown:
     table: Any = {"start": definition} if is_number(definition) else definition
     allowed = isinstance(table, Mapping) and "start" in table and set(table) <= {"start", "low", "high"}
     if not allowed or not all(is_number(value) for value in table.values()):
-        raise InputError(f"unknown {name} = {definition!r} is not allowed: {{ start = ..., low = ..., high = ... }}.")
+        raise InputError(
+            f"unknown {name} = {definition!r} is not allowed: {{ start = ..., low = ..., high = ... }} of numbers is "
+            "needed."
+        )
     least, most = _range(name)
     low, high, start = (float(table.get(key, end)) for key, end in (("low", least), ("high", most), ("start", 0.0)))
     low, high = max(low, least), min(high, most)

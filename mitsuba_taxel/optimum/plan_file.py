@@ -314,11 +314,13 @@ class _FigureReader:
     def _check(self, name: str, parameters: Mapping[str, Any]) -> None:
         takes = FIGURES_OF_MERIT[name].takes
         if name == "saturation" and self.circuit is None:
-            raise InputError(f"{name} cannot be computed without a table [circuit].")
+            raise InputError(f"{name} cannot be computed without a table [circuit]: add one.")
         if "noise" in takes:
             noise = parameters.get("noise")
             if noise is None and self.circuit is None:
-                raise InputError(f"{name} cannot be computed without a table [circuit], or a noise of readings in W.")
+                raise InputError(
+                    f"{name} cannot be computed without a table [circuit], or a noise of readings in W: add one."
+                )
             if noise is not None and not (is_number(noise) and noise > 0):
                 raise InputError(f"{name}: noise = {noise!r} is not allowed: a number above 0 is needed.")
         if "taxel" in takes and not (is_whole(parameters.get("taxel")) and parameters["taxel"] > 0):

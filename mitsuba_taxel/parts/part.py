@@ -76,7 +76,7 @@ class Side(Checked):
         for name, (centres, extents) in (("window", window), ("die", die)):
             for axis, centre, extent, length in zip("xy", centres, extents, body, strict=False):
                 if 2 * abs(centre) + extent > length * (1 + 1e-9):
-                    raise InputError(f"its {name} extends beyond the edge of the body along {axis}.")
+                    raise InputError(f"its {name} extends beyond the edge of the body along {axis}: move or shrink it.")
         if self.die_depth >= body[2]:
             raise InputError(
                 f"die_depth = {self.die_depth:g} is not allowed: less than the height of the body, {body[2]:g}, is "

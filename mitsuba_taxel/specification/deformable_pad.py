@@ -294,11 +294,11 @@ class DeformablePad(Specification, Kinded):
         if self.finish != "smooth" and self.roof_finish is not None and self.side_finish is not None:
             raise InputError(
                 f"finish = {self.finish!r} is not allowed with both roof_finish and side_finish, which leave no wall "
-                "for it."
+                "for it; take one out."
             )
         if self.cell == NO_CELL and self.read_cells != "all":
             raise InputError(
-                f"read_cells = {self.read_cells!r} is not allowed for cell = {NO_CELL!r}: such a pad has no cells."
+                f"read_cells = {self.read_cells!r} is not allowed for cell = {NO_CELL!r}: it has no cells; take it out."
             )
         self.build_finish()
         self.cell_numbers()

@@ -22,8 +22,8 @@ def test_a_file_is_read(tmp_path, mark):
         (None, "cannot be read: No such file or directory."),
         (b"scene = ", "is not valid TOML: Invalid value"),
         (b"scene = '\xff'", "is not valid TOML: 'utf-8' codec"),
-        (b"a = " + 10_000 * b"[", "is not allowed: it is nested too deeply."),
-        (".".join(65 * ["a"]).encode() + b" = 1", "is not allowed: it is nested too deeply."),
+        (b"a = " + 10_000 * b"[", "is not allowed: it is nested too deeply; nest fewer tables."),
+        (".".join(65 * ["a"]).encode() + b" = 1", "is not allowed: it is nested too deeply; nest fewer tables."),
     ],
     ids=["missing", "broken", "no text", "brackets", "dots"],
 )

@@ -101,7 +101,7 @@ def test_what_is_no_fit_is_refused(plan, study, said):
         ("z,a\n1,2\n", "all in volts (v1_V"),
         ("z,v1_V,p1_W\n1,2,3\n", "all in watts (p1_W"),
         ("z,v1_W\n1,2\n", "column v1_W"),
-        ("z,v1_V\n1,x\n", "line 2, column v1_V: 'x' is not a number"),
+        ("z,v1_V\n1,x\n", "line 2, column v1_V: 'x' is not allowed: a number is needed"),
         ("z,v1_V\n1,inf\n", "line 2, column v1_V: 'inf' is not allowed: a finite number"),
         ("z,v1_V,v2_V,v2_error_V\n1,2,3,4\n", "errors of all readings"),
         ("z,v1_V,v1_error_V\n1,2,0\n", "errors above 0"),

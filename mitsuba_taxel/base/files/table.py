@@ -96,7 +96,7 @@ class Table:
             try:
                 values[row] = float(word)
             except ValueError:
-                raise InputError(f"{where} is not a number.") from None
+                raise InputError(f"{where} is not allowed: a number is needed.") from None
             if not math.isfinite(values[row]):
                 raise InputError(f"{where} is not allowed: a finite number is needed.")
         return values
@@ -248,7 +248,7 @@ def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:
         try:
             rows = [[word.strip() for word in row] for row in csv.reader(lines, delimiter=separator)]
         except csv.Error as error:
-            raise InputError(f"{what} is not a table: {error}.") from error
+            raise InputError(f"{what} is not a table: {error}; rows of equally many columns are needed.") from error
         counts = Counter(len(row) for row in rows if len(row) > 1)
         alike = max(counts.values(), default=0)
         if alike > best[0]:

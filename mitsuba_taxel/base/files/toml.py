@@ -50,4 +50,4 @@ def read_toml(what: str, file: Path) -> dict[str, Any]:
     except ValueError as error:
         raise InputError(f"{what} is not valid TOML: {' '.join(str(error).split())}.") from error
     except RecursionError as error:
-        raise InputError(f"{what} is not allowed: it is nested too deeply.") from error
+        raise InputError(f"{what} is not allowed: it is nested too deeply; nest fewer tables.") from error

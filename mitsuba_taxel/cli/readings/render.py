@@ -129,7 +129,7 @@ def _render_image(description, target_error, points, seed, output, as_json, refu
     from .. import tables
 
     if refused:
-        raise InputError(f"{refused[0]} is not allowed for the image of a camera, only for readings.")
+        raise InputError(f"{refused[0]} is not allowed for the image of a camera, only for readings: leave it out.")
     if not os.environ.get("MITSUBA_TAXEL_VARIANT"):
         check_backend(COLOURS)
         mi.set_variant(COLOURS)

@@ -97,7 +97,7 @@ def _require_ranked(comparison: Comparison) -> None:
         )
         raise ComputationError(
             f"no variant is within the limits ({limits}), so none is ranked: the first variant of the table meets "
-            f"them with a probability of {closest.allowed:.1%}."
+            f"them with a probability of {closest.allowed:.1%}. Wider limits or other variants are needed."
         )
 
 

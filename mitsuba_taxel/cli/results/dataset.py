@@ -13,7 +13,8 @@ def _shares(ctx: click.Context, param: click.Parameter, value: str) -> tuple[flo
     try:
         return tuple(float(word) for word in value.split(","))
     except ValueError:
-        raise click.BadParameter(f"{value!r} is not of the form 0.7,0.15,0.15.", ctx, param) from None
+        problem = f"{value!r} is not of the form 0.7,0.15,0.15: three fractions are needed."
+        raise click.BadParameter(problem, ctx, param) from None
 
 
 @click.command(short_help="Training, validation and test tables of a study.")

@@ -129,7 +129,7 @@ class DisplacementForm:
             if np.linalg.norm(residual) < RESIDUAL_TOLERANCE * np.linalg.norm(load):
                 return displacement
             displacement.ravel()[self._free] -= self._solver.factor(tangent).solve(residual)
-        raise ComputationError(f"Newton's method does not converge in {MOST_ITERATIONS} iterations.")
+        raise ComputationError(f"Newton's method fails in {MOST_ITERATIONS} iterations: a smaller load is needed.")
 
     def linearised(self, displacement: np.ndarray) -> tuple[np.ndarray, sparse.csc_matrix]:
         """Internal forces in N on the free degrees of freedom, and the lower triangle of the tangent."""

@@ -47,7 +47,7 @@ class ReflectanceTable:
         if not first <= nm <= last:
             raise InputError(
                 f"{_NAME} = {self.file!r} has no reflectance at the wavelength of {nm:g} nm: "
-                f"it covers {first:g} to {last:g} nm."
+                f"it covers {first:g} to {last:g} nm; rows on both sides of it are needed."
             )
         return float(np.interp(nm, self.wavelengths, self.reflectances))
 

@@ -51,7 +51,7 @@ class CriticalMode:
         if state.load.tilts:
             raise InputError(
                 f"load = {state.load.name!r} is not allowed: the least stiff mode under a tilting plate "
-                "is not modelled."
+                "is not modelled; a load without a tilting plate is needed."
             )
         self._state, self._mirrors = state, mirrors_of_state(state)
         pad = loaded_pad(state.mesh, state.material, state.load, self._mirrors)
@@ -59,7 +59,9 @@ class CriticalMode:
         try:
             modes = [_mode(block, state) for block in self._blocks]
         except Rejected as rejection:
-            raise ComputationError(f"the least stiff mode is that of a stable pad: {rejection}.") from rejection
+            raise ComputationError(
+                f"the least stiff mode is that of a stable pad: {rejection}; a smaller load is needed."
+            ) from rejection
         self._place = int(np.argmin([stiffness for stiffness, _ in modes]))
         self.stiffness, self._mode = modes[self._place]
 

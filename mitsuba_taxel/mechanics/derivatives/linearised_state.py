@@ -180,7 +180,9 @@ class LinearisedState:
         """
         pad, direction = self._pad, array_of("direction", direction, (2,))
         if pad.load.tilts:
-            raise InputError("derivatives by the point of the force on a tilting plate are not available.")
+            raise InputError(
+                "derivatives by the point of the force on a tilting plate are not available: vary it in a sweep."
+            )
         if not pad.load.has_position:
             return np.zeros_like(self.displacement)
         if pad.load.moved_indenter is not None:

@@ -77,7 +77,7 @@ def read_material(file: str | Path) -> MeasuredMaterial:
             raise InputError(f"{what}: {key} = {value!r} is not allowed: text is needed.")
     for key in ("law", "source", "constants"):
         if key not in content:
-            raise InputError(f"{what}: {key} is missing.")
+            raise InputError(f"{what}: {key} is missing: add it.")
     largest = content.get("largest_stretch")
     if largest is not None and not (is_number(largest) and largest > 1):
         raise InputError(f"{what}: largest_stretch = {largest!r} is not allowed: a number above 1 is needed.")

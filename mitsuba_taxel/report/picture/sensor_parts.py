@@ -103,7 +103,7 @@ def shown_parts(
     bodies = [body for shape in scene.shapes() if (body := _indenter(shape, magnify)) is not None]
     sheets = [_sheet(shape) for shape in scene.shapes() if shape.class_name() == "Rectangle"]
     if not solids:
-        raise InputError("the scene contains no mesh: nothing can be shown.")
+        raise InputError("the scene contains no mesh, so nothing can be shown: a pad or another shape is needed.")
     ground = min(solid.range(2)[0] for solid in solids)
     shown = [*solids, *bodies, *(sheet for sheet in sheets if sheet.range(2)[1] > ground + 1e-3 * SHEET)]
     offset = None if cut == "none" else middle_row(solids) if cut == "middle" else float(cut)

@@ -48,7 +48,7 @@ def move_meshes(pads: list[mi.Properties], origins: list[mi.Properties]) -> None
 
     built = [pair for pair in zip(pads, origins, strict=True) if "filename" not in pair[0]]
     if not built:
-        raise InputError("the scene holds no pad of one of this package's own shapes.")
+        raise InputError("the scene holds no pad whose mesh can be moved: a deformable_pad without filename is needed.")
     for props, origin_props in built:
         pad, origin = (DeformablePad.read(read).build_pad() for read in (props, origin_props))
         assert isinstance(pad, Pad) and isinstance(origin, Pad)

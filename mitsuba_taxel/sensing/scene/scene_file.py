@@ -41,16 +41,16 @@ def read_scene_file(path: Path) -> Iterator[tuple[Path, ElementTree.Element]]:
     """
     for number, read in enumerate(_read(path, ())):
         if number > MOST_INCLUDED:
-            raise InputError(f"{path.name} is not allowed: it includes more than {MOST_INCLUDED} files.")
+            raise InputError(f"{path.name} is not allowed: it includes more than {MOST_INCLUDED} files; join some.")
         yield read
 
 
 def _read(path: Path, around: tuple[Path, ...]) -> Iterator[tuple[Path, ElementTree.Element]]:
     """Read a file and the files that it includes; ``around`` are the files that include it."""
     if path.resolve() in around:
-        raise InputError(f"{path.name} is not allowed: it includes itself.")
+        raise InputError(f"{path.name} is not allowed: it includes itself; take that include out.")
     if len(around) > DEEPEST_INCLUDE:
-        raise InputError(f"{path.name} is not allowed: more than {DEEPEST_INCLUDE} files include one another.")
+        raise InputError(f"{path.name} is not allowed: over {DEEPEST_INCLUDE} files include one another; join some.")
     try:
         root = ElementTree.fromstring(read_bytes(path, LARGEST_SCENE))
     except ElementTree.ParseError as error:
