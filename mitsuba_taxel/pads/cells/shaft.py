@@ -43,7 +43,7 @@ class Shaft(CellShape):
     @abstractmethod
     def across(self, points: np.ndarray) -> np.ndarray:
         """Distance of points from the cell's axis, measured so that all points of the side wall have the same distance
-        (for a square section, the larger of |x| and |y|).
+        (for a square section, the larger of ``|x|`` and ``|y|``).
 
         Parameters
         ----------
