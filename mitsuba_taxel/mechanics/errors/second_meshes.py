@@ -48,6 +48,9 @@ LEAST_RATIO = 1.2
 COARSEST = (COARSENING, 1.5 * COARSENING, 2 * COARSENING)
 """Element sizes of a coarser second mesh, relative to the first mesh. They are tried again with
 :data:`LEAST_RATIO_OF_COARSER` if a finer mesh does not fit into memory or does not bear the load."""
+LITTLE_COARSER = COARSENING**0.5
+"""Relative size that is tried before :data:`COARSEST` under an indenter, whose contact a mesh of twice the size may not
+resolve."""
 LEAST_RATIO_OF_COARSER = 1.1
 """Least ratio of element sizes for these coarser meshes. The estimate is then rough, up to four times the true error,
 but better than none."""
@@ -86,7 +89,8 @@ class SecondMeshes:
         """Paths on coarser meshes whose element sizes differ less, used if no other path bears the load and fits into
         memory.
         """
-        sizes = [relative_size * self._path.mesh_size for relative_size in COARSEST]
+        relative_sizes = COARSEST if self._path.load.indenter is None else (LITTLE_COARSER, *COARSEST)
+        sizes = [relative_size * self._path.mesh_size for relative_size in relative_sizes]
         tried = [size for size in sizes if self._known.get((size, LEAST_RATIO))]
         yield from self._of_sizes([size for size in sizes if size not in tried], LEAST_RATIO_OF_COARSER)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel.base.processes.activities import announced_to
-from mitsuba_taxel.mechanics import NeoHookean, load_path
+from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, load_path, reactions
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE
 from mitsuba_taxel.mechanics.errors import second_meshes
@@ -51,3 +51,14 @@ def test_where_finer_elements_are_too_many_coarser_ones_tell(cell, most, fresh, 
     (state,) = load_path(pad, LAW, [value])
     path, fine = (pad_path(pad, LAW, SPREAD_FORCE, size * pad.default_mesh_size) for size in (1.0, 0.6))
     assert change(path, fine, value) < state.error.displacement < most * change(path, fine, value)
+
+
+def test_an_indenter_on_too_large_elements_is_compared_with_little_larger_ones(fresh, monkeypatch):
+    """The error of the force is stated although elements of twice the size do not resolve the contact and finer ones
+    are too many; smaller elements confirm it."""
+    pad, value, load = Pad(rows=1, columns=1), (0, 0, -0.02), IndenterDisplacement(Indenter("sphere", radius=3.0))
+    (finer,) = load_path(pad, LAW, [value], load=load, mesh_size=0.7 * pad.default_mesh_size)
+    monkeypatch.setattr(second_meshes, "MOST_ELEMENTS_COMPARED", 0)
+    (state,) = load_path(pad, LAW, [value], load=load)
+    change = abs(reactions(state).applied_force[2] - reactions(finer).applied_force[2])
+    assert change < state.force_error < 0.2 * abs(reactions(state).applied_force[2])
