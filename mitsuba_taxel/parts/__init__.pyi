@@ -20,6 +20,9 @@ from .mirror import (
     mirror_rays as mirror_rays,
 )
 from .part import (
+    Datasheet as Datasheet,
+)
+from .part import (
     Part as Part,
 )
 from .part import (
@@ -27,6 +30,9 @@ from .part import (
 )
 from .part import (
     part_names as part_names,
+)
+from .part import (
+    read_datasheet as read_datasheet,
 )
 from .part import (
     read_part as read_part,

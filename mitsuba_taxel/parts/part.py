@@ -17,6 +17,11 @@ from mitsuba_taxel.parameters import REQUIRED, Checked, choice, number
 SUFFIX = ".toml"
 REFLECTORS = ("mirror", "white card")
 """Reflectors with which datasheets measure distance curves."""
+UNKNOWN = "unknown"
+"""Value of a number of the geometry on which public sources are silent."""
+_STAND_INS = {"x": 0.0, "window_width": 1e-6, "window_length": 1e-6, "die_width": 1e-6, "die_length": 1e-6}
+"""Numbers in place of unknown ones while the others of a side are checked."""
+_NUMBERS = {*_STAND_INS, "y", "window_x", "window_y", "die_depth", "exponent"}
 
 
 @dataclass(frozen=True)
@@ -92,9 +97,9 @@ class Side(Checked):
             raise InputError(f"law = {self.law!r} is not allowed for a die below its window: 'lambertian' is needed.")
 
 
-@dataclass(frozen=True, eq=False)
-class Part:
-    """Description of a photo-reflector: body, dies, windows, electrical figures, and their sources.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Datasheet:
+    """What a file states of a photo-reflector whose geometry may be unknown, so that no reading can be computed.
 
     Attributes
     ----------
@@ -104,10 +109,6 @@ class Part:
         Extent along x, y, z in mm.
     wavelength : float
         Wavelength of the light in nm.
-    resin_index : float
-        Refractive index of the resin above the dies.
-    emitter, detector : Side
-        Dies and their windows.
     electrical : dict[str, float]
         Figures of the datasheet by name, which contains the unit.
     distance_curve : tuple[tuple[float, float], ...]
@@ -119,6 +120,8 @@ class Part:
         Properties that the datasheet does not specify.
     sources : dict[str, str]
         Origin of the numbers that are not from ``source``, by names such as ``resin_index`` and ``emitter.die_width``.
+    stated : dict[str, Any]
+        Entries of the file on the index of the resin, the emitter and the detector; unknown ones are `UNKNOWN`.
     """
 
     name: str
@@ -126,14 +129,70 @@ class Part:
     source: str
     body: tuple[float, float, float]
     wavelength: float
-    resin_index: float
-    emitter: Side
-    detector: Side
     electrical: dict[str, float] = field(default_factory=dict)
     distance_curve: tuple[tuple[float, float], ...] = ()
     distance_reflector: str = "mirror"
     unknown: tuple[str, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
+    stated: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of the entries that a reading needs and the file states as unknown, such as ``emitter.x``."""
+        names = ["resin_index"] if self.stated["resin_index"] == UNKNOWN else []
+        for role in ("emitter", "detector"):
+            names += [f"{role}.{entry}" for entry, value in self.stated[role].items() if value == UNKNOWN]
+        return tuple(names)
+
+    def with_numbers(self, numbers: Mapping[str, float]) -> Part:
+        """A part with numbers in place of entries of the file, such as unknown ones.
+
+        Parameters
+        ----------
+        numbers : Mapping[str, float]
+            Numbers by names such as ``resin_index`` and ``emitter.die_width``.
+
+        Returns
+        -------
+        Part
+            The part.
+
+        Raises
+        ------
+        InputError
+            if a number is still missing, or is not allowed.
+        """
+        stated = {key: dict(value) if isinstance(value, dict) else value for key, value in self.stated.items()}
+        for name, number_ in numbers.items():
+            role, _, entry = name.rpartition(".")
+            (stated[role] if role else stated)[entry] = number_
+        complete = replace(self, stated=stated)
+        if complete.missing:
+            raise InputError(
+                f"part {self.name} has no geometry to compute readings with: its file states as unknown "
+                f"{', '.join(complete.missing)}. A file of your own with these numbers is needed, measured or fitted by "
+                "`taxel fit`."
+            )
+        sides = {role: _side(self.name, role, stated[role], self.body) for role in ("emitter", "detector")}
+        values = {entry.name: getattr(complete, entry.name) for entry in fields(Datasheet)}
+        return Part(**values, resin_index=stated["resin_index"], **sides)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Part(Datasheet):
+    """Description of a photo-reflector: body, dies, windows, electrical figures, and their sources.
+
+    Attributes
+    ----------
+    resin_index : float
+        Refractive index of the resin above the dies.
+    emitter, detector : Side
+        Dies and their windows.
+    """
+
+    resin_index: float
+    emitter: Side
+    detector: Side
 
 
 def part_names() -> list[str]:
@@ -163,6 +222,27 @@ def read_part(part: str | Path) -> Part:
     Raises
     ------
     InputError
+        if there is no such part, the file does not describe a part, or it states a needed number as unknown.
+    """
+    return read_datasheet(part).with_numbers({})
+
+
+def read_datasheet(part: str | Path) -> Datasheet:
+    """Read what is known of a part, by its name in the catalogue or from a TOML file.
+
+    Parameters
+    ----------
+    part : str or Path
+        Name in the catalogue, case-insensitive, or path of a file that ends in .toml.
+
+    Returns
+    -------
+    Datasheet
+        Content of the file, in which numbers of the geometry may be unknown.
+
+    Raises
+    ------
+    InputError
         if there is no such part, or the file does not describe a part.
     """
     path = path_of("part", part)
@@ -170,10 +250,10 @@ def read_part(part: str | Path) -> Part:
     if path.suffix.lower() != SUFFIX and file.stem not in part_names():
         raise InputError(f"part = {str(part)!r} is not known: {', '.join(part_names())} or a TOML file is needed.")
     content = read_toml(f"part {str(part)!r}", file)
-    return _part(file.stem, content)
+    return _datasheet(file.stem, content)
 
 
-def _part(name: str, content: dict[str, Any]) -> Part:
+def _datasheet(name: str, content: dict[str, Any]) -> Datasheet:
     """The part that the content of a file describes; raises `InputError`."""
     # Entries: known ones, above the first table, with allowed values, and all that are required.
     for key in content:
@@ -189,13 +269,20 @@ def _part(name: str, content: dict[str, Any]) -> Part:
         if key not in content and required:
             raise InputError(f"part {name}: {key} is missing: {needed} is needed.")
 
-    # Lists become tuples, and tables of dies objects.
+    # Lists become tuples. Sides are checked also where some of their numbers are unknown, with others in their place.
     arguments: dict[str, Any] = {**content, "body": tuple(content["body"])}
-    arguments |= {key: _side(name, key, content) for key in ("emitter", "detector")}
+    arguments["stated"] = {key: arguments.pop(key) for key in ("resin_index", "emitter", "detector")}
     arguments["unknown"] = tuple(content.get("unknown", ()))
     arguments["distance_curve"] = tuple((float(z), float(current)) for z, current in content.get("distance_curve", ()))
+    for role in ("emitter", "detector"):
+        table = content[role]
+        known = {entry: value for entry, value in table.items() if value != UNKNOWN}
+        others = {entry: value for entry, value in _STAND_INS.items() if table.get(entry) == UNKNOWN}
+        _side(name, role, {**known, **others}, arguments["body"])
+        for entry in table.keys() - known.keys() - _NUMBERS:
+            raise InputError(f"part {name}, {role}: {entry} = {UNKNOWN!r} is not allowed: only numbers may be unknown.")
     _check_sources(name, content)
-    return Part(name, **arguments)
+    return Datasheet(name=name, **arguments)
 
 
 def _check_sources(name: str, content: Mapping[str, Any]) -> None:
@@ -208,16 +295,15 @@ def _check_sources(name: str, content: Mapping[str, Any]) -> None:
             )
 
 
-def _side(name: str, role: str, content: Mapping[str, Any]) -> Side:
+def _side(name: str, role: str, table: Mapping[str, Any], body: tuple[float, float, float]) -> Side:
     """The emitter or detector (``role``) of a part; raises `InputError`."""
-    table = content[role]
     allowed = [entry.name for entry in fields(Side)]
     for key in table:
         if key not in allowed:
             raise InputError(f"part {name}: {key} of {role} is not known: allowed are {', '.join(allowed)}.")
     try:
         side = Side(**table)
-        side.check_in(content["body"])
+        side.check_in(body)
     except InputError as error:
         raise InputError(f"part {name}, {role}: {error}") from error
     return side
@@ -244,7 +330,11 @@ _KINDS: dict[str, tuple[Callable[[Any], bool], str, bool]] = {
     "source": (_is_text, "text", True),
     "body": (lambda value: _is_row_of(3, value, _is_size), "three sizes in mm", True),
     "wavelength": (_is_size, "a number of nm above 0", True),
-    "resin_index": (lambda value: is_number(value) and 1 <= value <= 4, "a number from 1 to 4", True),
+    "resin_index": (
+        lambda value: value == UNKNOWN or (is_number(value) and 1 <= value <= 4),
+        f"a number from 1 to 4, or {UNKNOWN!r},",
+        True,
+    ),
     "emitter": (lambda value: isinstance(value, dict), "a table", True),
     "detector": (lambda value: isinstance(value, dict), "a table", True),
     "electrical": (lambda v: isinstance(v, dict) and all(map(is_number, v.values())), "a table of numbers", False),
