@@ -170,8 +170,8 @@ class Datasheet:
         if complete.missing:
             raise InputError(
                 f"part {self.name} has no geometry to compute readings with: its file states as unknown "
-                f"{', '.join(complete.missing)}. A file of your own with these numbers is needed, measured or fitted by "
-                "`taxel fit`."
+                f"{', '.join(complete.missing)}. A file of your own with these numbers is needed, measured or fitted "
+                "by `taxel fit`."
             )
         sides = {role: _side(self.name, role, stated[role], self.body) for role in ("emitter", "detector")}
         values = {entry.name: getattr(complete, entry.name) for entry in fields(Datasheet)}
