@@ -16,6 +16,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parts.mirror import mirror_curve
 from mitsuba_taxel.parts.part import Part
 from mitsuba_taxel.parts.refraction import (
+    POINTS,
     die_points,
     emitted_rays,
     passes_window,
@@ -26,7 +27,7 @@ from mitsuba_taxel.parts.refraction import (
 )
 
 
-def card_curve(part: Part, heights: Any) -> np.ndarray:
+def card_curve(part: Part, heights: Any, points: int = POINTS) -> np.ndarray:
     """Power on the detector under a card that scatters by Lambert's law.
 
     Parameters
@@ -36,6 +37,8 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
     heights : float or (N,) array_like
         Height of the card above the windows in mm. The card is parallel to the windows and larger than its illuminated
         area.
+    points : int
+        Number of rays, a power of 2.
 
     Returns
     -------
@@ -49,7 +52,7 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
     """
     # Rays from points of the emitter's die, with their power in air where they leave its window.
     emitter, detector, index = part.emitter, part.detector, part.resin_index
-    uniform = sobol_points(6)
+    uniform = sobol_points(6, points)
     start, heading, sine = emitted_rays(emitter, uniform[:, :4])
     end = die_points(detector, uniform[:, 4:])
     emitter_tangent, cosine = sine / np.sqrt(index**2 - sine**2), np.sqrt(1 - sine**2)
@@ -77,7 +80,7 @@ def card_curve(part: Part, heights: Any) -> np.ndarray:
     return np.array(powers)
 
 
-def distance_model(part: Part, heights: Any) -> np.ndarray:
+def distance_model(part: Part, heights: Any, points: int = POINTS) -> np.ndarray:
     """Power on the detector under the reflector of the datasheet's distance curve, with a reflectance of 1.
 
     Parameters
@@ -86,6 +89,8 @@ def distance_model(part: Part, heights: Any) -> np.ndarray:
         Emitter and detector.
     heights : float or (N,) array_like
         Height of the reflector above the windows, mm.
+    points : int
+        Number of rays, a power of 2.
 
     Returns
     -------
@@ -97,4 +102,6 @@ def distance_model(part: Part, heights: Any) -> np.ndarray:
     InputError
         if a height is not above 0.
     """
-    return (card_curve if part.distance_reflector == "white card" else mirror_curve)(part, heights)
+    return (card_curve if part.distance_reflector == "white card" else mirror_curve)(
+        part, heights, points
+    )

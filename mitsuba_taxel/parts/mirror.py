@@ -26,6 +26,7 @@ import numpy as np
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.parts.part import Part
 from mitsuba_taxel.parts.refraction import (
+    POINTS,
     die_points,
     emitted_rays,
     passes_window,
@@ -51,7 +52,7 @@ class MirrorRays(NamedTuple):
     power: np.ndarray
 
 
-def mirror_rays(part: Part, height: float) -> MirrorRays:
+def mirror_rays(part: Part, height: float, points: int = POINTS) -> MirrorRays:
     """Rays from emitter to detector by a mirror of reflectance 1 that is parallel to the windows.
 
     Parameters
@@ -60,6 +61,8 @@ def mirror_rays(part: Part, height: float) -> MirrorRays:
         Emitter and detector.
     height : float
         Height of the mirror above the windows, mm.
+    points : int
+        Number of rays, a power of 2.
 
     Returns
     -------
@@ -75,7 +78,7 @@ def mirror_rays(part: Part, height: float) -> MirrorRays:
         raise InputError(f"height = {height!r} is not allowed: a number of mm above 0 is needed.")
     # Rays between random points of both dies: angle in air, power per area.
     emitter, detector = part.emitter, part.detector
-    uniform = sobol_points(4)
+    uniform = sobol_points(4, points)
     start, end = die_points(emitter, uniform[:, :2]), die_points(detector, uniform[:, 2:])
     offset = end - start
     distance = np.linalg.norm(offset, axis=1)
@@ -95,7 +98,7 @@ def mirror_rays(part: Part, height: float) -> MirrorRays:
     )
 
 
-def mirror_curve(part: Part, heights: Any) -> np.ndarray:
+def mirror_curve(part: Part, heights: Any, points: int = POINTS) -> np.ndarray:
     """Power on the detector under a mirror of reflectance 1 that is parallel to the windows.
 
     Parameters
@@ -104,6 +107,8 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
         Emitter and detector.
     heights : float or (N,) array_like
         Height of the mirror above the windows, mm.
+    points : int
+        Number of rays per height, a power of 2.
 
     Returns
     -------
@@ -115,7 +120,7 @@ def mirror_curve(part: Part, heights: Any) -> np.ndarray:
     InputError
         if a height is not above 0.
     """
-    return np.array([mirror_rays(part, float(height)).power.sum() for height in np.atleast_1d(heights)])
+    return np.array([mirror_rays(part, float(height), points).power.sum() for height in np.atleast_1d(heights)])
 
 
 def leaving_share(part: Part) -> float:

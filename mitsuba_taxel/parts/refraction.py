@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from mitsuba_taxel.parts.part import Side
@@ -30,12 +32,20 @@ def refracted(index: float, height: float, depths: float, distance: np.ndarray) 
         The angle t in air, and 1 / (2 R) d(sin^2 t)/dR in 1/mm2: the projected solid angle in air per area at the end
         of the ray.
     """
-    angle = np.linspace(0, np.pi / 2, ANGLES + 2)[1:-1]
-    sine, cosine = np.sin(angle), np.cos(angle)
+    angle, sine, cosine = _tabulated_angles()
     resin_cosine = np.sqrt(index**2 - sine**2)
     lateral = height * sine / cosine + depths * sine / resin_cosine
     rate = height / cosine**2 + depths * cosine * index**2 / resin_cosine**3
     return np.interp(distance, lateral, angle), np.interp(distance, lateral, sine * cosine / rate / lateral)
+
+
+@lru_cache(maxsize=1)
+def _tabulated_angles() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angles between 0 and 90 degrees, and their sines and cosines, read-only."""
+    angle = np.linspace(0, np.pi / 2, ANGLES + 2)[1:-1]
+    table = np.stack([angle, np.sin(angle), np.cos(angle)])
+    table.flags.writeable = False
+    return table[0], table[1], table[2]
 
 
 def transmittance(index: float, cosine: np.ndarray) -> np.ndarray:
@@ -51,11 +61,14 @@ def relative_radiance(emitter: Side, cosine: np.ndarray) -> np.ndarray:
     return 0.5 * (1 + (emitter.exponent or 1.0)) * emitter.relative_to_lambert(cosine)
 
 
-def sobol_points(dimensions: int) -> np.ndarray:
-    """Quasi-random numbers (N, dimensions) from -1/2 to 1/2."""
+@lru_cache(maxsize=4)
+def sobol_points(dimensions: int, count: int = POINTS) -> np.ndarray:
+    """Quasi-random numbers (count, dimensions) from -1/2 to 1/2, read-only; the count is a power of 2."""
     from scipy.stats import qmc
 
-    return qmc.Sobol(dimensions, seed=np.random.default_rng(0)).random(POINTS) - 0.5
+    points = qmc.Sobol(dimensions, seed=np.random.default_rng(0)).random(count) - 0.5
+    points.flags.writeable = False
+    return points
 
 
 def die_points(side: Side, uniform: np.ndarray) -> np.ndarray:
