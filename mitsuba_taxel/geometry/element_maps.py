@@ -7,6 +7,12 @@ import numpy as np
 from mitsuba_taxel.geometry.quadratic_shapes import shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 
+_CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+_NODES = np.concatenate([_CORNERS, [_CORNERS[list(edge)].mean(axis=0) for edge in TET_EDGES]])
+"""Reference coordinates (10, 3) of the nodes of a tetrahedron."""
+_AT_NODES = np.swapaxes(shape_gradients(_NODES), 1, 2).reshape(-1, len(_NODES))
+"""(30, 10): derivatives, by the three reference coordinates at each node, of the shape function of every node."""
+
 
 def jacobians(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Determinant of the map from the reference element to each curved tetrahedron at its ten nodes, divided by the
@@ -33,20 +39,18 @@ def map_determinants(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
     Parameters
     ----------
-    points : (N, 3) ndarray
+    points : (..., N, 3) ndarray
         Nodes, mm.
     tets : (M, 10) ndarray of int
         Nodes of each tetrahedron.
 
     Returns
     -------
-    (M, 10) ndarray
+    (..., M, 10) ndarray
         Determinants in mm³.
     """
-    xi = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
-    xi = np.concatenate([xi, [xi[list(edge)].mean(axis=0) for edge in TET_EDGES]])
-    gradients = np.swapaxes(shape_gradients(xi), 1, 2).reshape(-1, tets.shape[1])
-    return np.linalg.det((gradients @ points[tets]).reshape(len(tets), -1, 3, 3))
+    maps = _AT_NODES @ points[..., tets, :]
+    return np.linalg.det(maps.reshape(*maps.shape[:-2], -1, 3, 3))
 
 
 def curved_volume(mesh: VolumeMesh) -> float:

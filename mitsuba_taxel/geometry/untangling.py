@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mitsuba_taxel.geometry.element_maps import jacobians
+from mitsuba_taxel.geometry.element_maps import jacobians, map_determinants
 from mitsuba_taxel.geometry.second_order import boundary_triangles
 from mitsuba_taxel.geometry.volume_mesh import TET_EDGES, VolumeMesh
 
@@ -60,13 +60,18 @@ def untangled(mesh: VolumeMesh, least: float, sweeps: int = 8) -> VolumeMesh:
             stencil, local = np.unique(around, return_inverse=True)
             local, weights, origin = local.reshape(around.shape), weights[stencil], points[stencil]
             move = np.zeros(3)
-            best = _star_quality(origin, local)
+            best = float(_star_quality(origin, local))
             for step in _STEPS:
-                for direction in _DIRECTIONS:
-                    trial = move + step * length * direction
-                    quality = _star_quality(origin + weights * trial, local)
-                    if quality > best + TINY:
-                        best, move = quality, trial
+                # All directions are tried at once; after one is accepted, those after it start from there.
+                directions = _DIRECTIONS
+                while len(directions):
+                    trials = move + step * length * directions
+                    qualities = _star_quality(origin + weights * trials[:, None], local)
+                    better = np.flatnonzero(qualities > best + TINY)
+                    if not len(better):
+                        break
+                    best, move = float(qualities[better[0]]), trials[better[0]]
+                    directions = directions[better[0] + 1 :]
             points[stencil] = origin + weights * move
     return replace(mesh, points=points)
 
@@ -77,11 +82,11 @@ def _quality(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     return jacobians(points, tets).min(axis=1) * np.sign(np.linalg.det(corner))
 
 
-def _star_quality(points: np.ndarray, tets: np.ndarray) -> float:
-    """Least quality of the elements around a node; flat elements count as distorted."""
-    corner = points[tets[:, 1:4]] - points[tets[:, :1]]
+def _star_quality(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """Least quality (...) of the elements around a node, for nodes (..., N, 3); flat elements count as distorted."""
+    corner = points[..., tets[:, 1:4], :] - points[..., tets[:, :1], :]
     volume = np.linalg.det(corner)
     with np.errstate(divide="ignore", invalid="ignore"):
-        quality = jacobians(points, tets).min(axis=1)
-    flat = volume / np.median(np.abs(volume)) / FLAT
-    return float(np.where(volume > 0, np.minimum(quality, flat), np.minimum(flat, -TINY)).min())
+        quality = (map_determinants(points, tets) / volume[..., None]).min(axis=-1)
+    flat = volume / np.median(np.abs(volume), axis=-1, keepdims=True) / FLAT
+    return np.where(volume > 0, np.minimum(quality, flat), np.minimum(flat, -TINY)).min(axis=-1)
