@@ -9,7 +9,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,6 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.arguments import check_seed, check_whole, is_number
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.protocols import is_led, is_pad, is_phototransistor
 from mitsuba_taxel.pads.regions import REGIONS
@@ -40,8 +38,6 @@ PATHS_AT_ONCE = 2**21
 """Largest number of paths traced at the same time, unless an image has more pixels."""
 MOST_SURFACES = 16
 """Largest number of clear surfaces through which the depth is measured."""
-BRIGHTEST = 99.5
-"""Percentile of the image that is white in the PNG."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,13 +130,13 @@ def camera_image(
     live = scene.load() if isinstance(scene, Scene) else scene
     camera, depth, coat = view_of(live)
     began = time.perf_counter()
-    count = _power_of_four(samples or SAMPLES)
+    count = power_of_four(samples or SAMPLES)
     image = _replicates(live, camera, count, seed, 0, progress)
     if target_error is not None:
         pilot = CameraImage(*image, depth, coat, count, REPLICATES, seed, 0.0)
         error = pilot.relative_error
         if error > target_error:
-            count = min(_power_of_four(math.ceil(count * (error / target_error) ** 2)), MOST_SAMPLES)
+            count = min(power_of_four(math.ceil(count * (error / target_error) ** 2)), MOST_SAMPLES)
             image = _replicates(live, camera, count, seed, 1, progress)
     return CameraImage(*image, depth, coat, count, REPLICATES, seed, time.perf_counter() - began)
 
@@ -223,7 +219,7 @@ def _replicates(
 
     width, height = map(int, camera.film().crop_size())
     # Parts of a power of four: `ldsampler` and `multijitter` would round other numbers.
-    at_once = min(samples, _power_of_four(1 + max(1, PATHS_AT_ONCE // (width * height))) // 4)
+    at_once = min(samples, power_of_four(1 + max(1, PATHS_AT_ONCE // (width * height))) // 4)
     parts = samples // at_once
     seeds = np.random.SeedSequence([seed, run]).generate_state(REPLICATES * parts).reshape(REPLICATES, parts)
     images = []
@@ -240,8 +236,19 @@ def _replicates(
     return stack.mean(axis=0), stack.std(axis=0, ddof=1) / math.sqrt(REPLICATES)
 
 
-def _power_of_four(count: int) -> int:
-    """The least power of four that is at least ``count``."""
+def power_of_four(count: int) -> int:
+    """The least power of four that is at least ``count``.
+
+    Parameters
+    ----------
+    count : int
+        Any number above 0.
+
+    Returns
+    -------
+    int
+        The power.
+    """
     return 4 ** (((count - 1).bit_length() + 1) // 2)
 
 
@@ -296,53 +303,3 @@ def _depth(scene: mi.Scene, camera: mi.Sensor) -> tuple[np.ndarray, np.ndarray]:
             "the coat reflects nothing to the inside: the BSDF of region top must reflect there, as twosided does."
         )
     return depth.reshape(height, width), on_coat.reshape(height, width)
-
-
-def write_image(image: CameraImage, file: Path) -> Path:
-    """Write an image as OpenEXR and, beside it, as PNG.
-
-    The channels of the EXR are ``R``, ``G`` and ``B``, or ``Y``; ``standard_error.R`` and so on; and ``depth`` in mm.
-    In the PNG, pixels above the percentile `BRIGHTEST` are white.
-
-    Parameters
-    ----------
-    image : CameraImage
-        The image.
-    file : Path
-        OpenEXR file, which is replaced if it exists.
-
-    Returns
-    -------
-    Path
-        Path of the PNG.
-
-    Raises
-    ------
-    InputError
-        if a file cannot be written.
-    """
-    import mitsuba as mi
-    import OpenEXR
-
-    names = "RGB" if image.radiance.shape[-1] == 3 else "Y"
-    channels = {name: image.radiance[..., k] for k, name in enumerate(names)}
-    channels |= {f"standard_error.{name}": image.standard_error[..., k] for k, name in enumerate(names)}
-    channels["depth"] = image.depth
-    pixels = {name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()}
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "units": "radiance in units of the lights; depth in mm",
-        "seed": str(image.seed),
-        "samples": str(image.samples),
-        "replicates": str(image.replicates),
-    }
-    with replacing(file) as temporary, OpenEXR.File(header, pixels) as exr:
-        exr.write(str(temporary))
-    white = float(np.percentile(image.radiance, BRIGHTEST))
-    shown = np.ascontiguousarray(np.clip(image.radiance / (white or 1.0), 0.0, 1.0), dtype=np.float32)
-    kind = mi.Bitmap.PixelFormat.RGB if len(names) == 3 else mi.Bitmap.PixelFormat.Y
-    picture = file.with_suffix(".png")
-    with replacing(picture) as temporary:
-        mi.Bitmap(shown).convert(kind, mi.Struct.Type.UInt8, srgb_gamma=True).write(str(temporary))
-    return picture

@@ -124,7 +124,8 @@ def _render_image(description, target_error, points, seed, output, as_json, refu
 
     from mitsuba_taxel.backend import check_backend
     from mitsuba_taxel.base.errors import InputError
-    from mitsuba_taxel.sensing.camera import camera_image, write_image
+    from mitsuba_taxel.sensing.camera import camera_image
+    from mitsuba_taxel.sensing.image_file import write_image
 
     from .. import tables
 

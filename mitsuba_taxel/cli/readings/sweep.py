@@ -96,7 +96,7 @@ def command(
 
     Each reading is stored in DIR as soon as it is computed, and the same command resumes an interrupted run. More
     values of a parameter, a further varied parameter, or a better target extend an existing study. Tables, meshes and a
-    plot are written at the end.
+    plot are written at the end. A scene with a camera gives an image for each value, and a contact sheet.
     """
     import xarray as xr
 
@@ -124,6 +124,11 @@ def command(
             }
             rows = {**together, **(columns_of(steps, parameters=parameters_in(source)) if steps else {})}
             study = sweep(source, vary, defines, together=rows, output=folder, progress=progress, **what, **how)
+    if "image" in study:
+        show_images(study, folder, as_json)
+        _end(study.attrs["failures"].splitlines(), folder)
+        end_beyond_target(study.attrs["notes"].splitlines())
+        return
     studies = {"": study}
     if isinstance(study, xr.DataTree):
         studies = {name: child.to_dataset() for name, child in study.children.items()}
@@ -138,6 +143,34 @@ def command(
     _end(study.attrs["failures"].splitlines(), folder)
     notes = [(name, note) for name, child in studies.items() for note in child.attrs["notes"].splitlines()]
     end_beyond_target(f"{name}: {note}" if name else note for name, note in notes)
+
+
+def show_images(study, folder: Path, as_json: bool) -> None:
+    """Print the number of images of a study, their errors, and where they are.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Table of the images.
+    folder : Path
+        Folder of the study.
+    as_json : bool
+        Whether to print an object.
+    """
+    from ..tables import known, print_json, say
+
+    count, error = int((study.image != "").sum()), float(study.relative_error.max())
+    if as_json:
+        files = [str(file) for file in study.image.values.ravel() if file]
+        about = {"output": str(folder), "failures": study.attrs["failures"].splitlines()}
+        print_json({**about, "images": files, "relative_error": known(error)})
+        return
+    say(f"{count} images in {folder / 'images'}, and all of them in {folder / 'contact_sheet.png'}")
+    say(f"Relative standard error of a pixel (root mean square): at most {error:.2g}.")
+    say("The error of the finite elements is not part of it.")
+    for note in study.attrs["notes"].splitlines():
+        say(note)
+    say(f"Results: {folder}")
 
 
 def _refuse_options_of_a_scene(ctx: click.Context) -> None:

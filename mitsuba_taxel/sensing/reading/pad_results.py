@@ -170,7 +170,20 @@ PAD_RESULTS = [
 
 
 def pad_results(states: Sequence[State], with_errors: bool = True) -> dict[str, Estimate]:
-    """Values and errors of all results of a scene's pads, by name; empty without pads."""
+    """Values and errors of all results of a scene's pads, by name; empty without pads.
+
+    Parameters
+    ----------
+    states : Sequence[State]
+        States of the pads.
+    with_errors : bool
+        Whether errors are computed, which may need second meshes; otherwise they are NaN.
+
+    Returns
+    -------
+    dict[str, Estimate]
+        Values and errors by name.
+    """
     if not states:
         return {}
     results = {result.name: max(result.of(state, with_errors) for state in states) for result in PAD_RESULTS}

@@ -90,7 +90,7 @@ def _refuse_blocks(scene: mi.Scene) -> None:
 
         if isinstance(pad.pad, Block):
             raise InputError(
-                f"{NO_ROOM}: readings and studies need a pad with cells; `taxel render` makes a camera's image.", pad
+                f"{NO_ROOM}: readings need a pad with cells; `taxel render` makes a camera's image.", pad
             )
 
 

@@ -15,7 +15,7 @@ from mitsuba_taxel.sensing import Readings
 from mitsuba_taxel.sensing.scene.description import MESHED_AS
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT
 
-MESHES, MAPS = "meshes", "maps"
+MESHES, MAPS, IMAGES = "meshes", "maps", "images"
 """Folders of a study for the files of results."""
 
 
@@ -92,6 +92,41 @@ class JobResult(NamedTuple):
     readings: Readings
     seconds: dict[str, float]
     files: dict[str, bytes]
+
+
+@dataclass(frozen=True)
+class ImageJob:
+    """A job of a study of images: one scene whose camera's image is computed.
+
+    Attributes
+    ----------
+    number, file, parameters, mesh_size, seed, plugins
+        As of a `Job`.
+    samples : int or None
+        Number of samples per pixel and replicate; None for the default, or with a target error.
+    target_error : float or None
+        Target for the relative error of a pixel. See ``camera_image``.
+    variant : str
+        Variant of Mitsuba, which determines whether the image has colours.
+    """
+
+    number: int
+    file: Path
+    parameters: dict[str, str]
+    mesh_size: float | None
+    seed: int
+    samples: int | None
+    target_error: float | None
+    variant: str
+    plugins: tuple[Path, ...] = field(default_factory=loaded_plugins)
+
+
+class ImageResult(NamedTuple):
+    """Result of a job of images: the content of the OpenEXR file, the facts in its header, and seconds by stage."""
+
+    content: bytes
+    about: dict[str, Any]
+    seconds: dict[str, float]
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from mitsuba_taxel.sensing.reading.paired import paired
 from mitsuba_taxel.sensing.reading.runs import FIRST_POINTS, Prepared, prepare
 from mitsuba_taxel.sensing.scene.left_out import NONE
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, loaded_pads
-from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, Job, JobResult
+from mitsuba_taxel.studies.plan.job import MAPS, MESHES, Failure, ImageJob, ImageResult, Job, JobResult
 from mitsuba_taxel.studies.plan.to_contact import TO_CONTACT, as_number, path_to_contact
 from mitsuba_taxel.studies.run.deformation import mesh_key, write_mesh
 
@@ -33,11 +33,19 @@ if TYPE_CHECKING:
     from mitsuba_taxel.sensing.reading.contact_value import FirstContact
 
 
-def run(job: Job) -> JobResult | Failure:
-    """Read the scene of a job. Exceptions are returned as failures, so that other jobs continue; interrupts are
-    raised."""
+@overload
+def run(job: Job) -> JobResult | Failure: ...
+@overload
+def run(job: ImageJob) -> ImageResult | Failure: ...
+def run(job: Job | ImageJob) -> JobResult | ImageResult | Failure:
+    """Compute the readings, or the image, of a job's scene. Exceptions are returned as failures, so that other jobs
+    continue; interrupts are raised."""
     try:
         load_plugins(*job.plugins)
+        if isinstance(job, ImageJob):
+            from mitsuba_taxel.studies.run.image_job import image_of  # readings need nothing of it
+
+            return image_of(job)
         return _read(job)
     except Exception as error:
         if comes_from_interrupt(error):

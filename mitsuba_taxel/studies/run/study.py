@@ -80,6 +80,8 @@ def sweep(
 ) -> xr.Dataset:
     """Compute the readings of a scene at all combinations of the values of its varied parameters.
 
+    A scene with a camera gives images instead of readings; see the section Notes.
+
     Readings are computed without random numbers if all scenes of the pilot runs have diffuse walls (see ``measure``).
     Otherwise all readings have the same seed and number of points: they share their random numbers, so that most of the
     noise cancels in differences of neighbouring readings. With ``output``, each reading is stored as soon as it is
@@ -158,6 +160,14 @@ def sweep(
         if a parameter, a value, the folder, or every scene is refused.
     ComputationError
         if no scene could be computed, or results could not be stored.
+
+    Notes
+    -----
+    For a scene with a camera, ``output`` gets the image of each scene as ``images/000000.exr`` and so on, a PNG beside
+    it, the table ``images.csv`` and a contact sheet; ``target_error`` applies to the relative error of a pixel of each
+    image, and ``points`` is the number of samples per pixel and replicate. The result is the table, as of
+    `mitsuba_taxel.studies.store.image_folder.image_table`. Images are in colour, unless the environment variable
+    ``MITSUBA_TAXEL_VARIANT`` names another variant of Mitsuba.
     """
     what: dict[str, Any] = {
         "target_error": target_error,
@@ -201,7 +211,26 @@ def sweep(
     else:
         check_values(batch)
     with open_pool(workers, scheduler) as pool:
+        return _run(batch, pool, folder, retry_failed, parquet, progress)
+
+
+def _run(
+    batch: Batch,
+    pool: Pool,
+    folder: Path | None,
+    retry_failed: bool,
+    parquet: bool,
+    progress: Callable[[Any], None] | None,
+) -> xr.Dataset:
+    """The readings of a batch as of :func:`run_batch`, or the images if its scene has a camera."""
+    first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
+    if not batch.scene(first).has_camera():
         return run_batch(batch, pool, folder, retry_failed, parquet, progress)
+    from mitsuba_taxel.studies.run.images import sweep_images  # readings need nothing of it
+
+    if parquet:
+        raise InputError("parquet = True is not allowed for images of a camera, only for readings.")
+    return sweep_images(batch, pool, folder, retry_failed, progress)
 
 
 def run_batch(
@@ -438,7 +467,7 @@ def run_study(
         if not content["scenes"][0].get("name"):
             batch = replace(batch_from(content, 0, here), from_paths=True)
             check_values(batch)
-            return run_batch(batch, pool, folder, retry_failed, parquet, progress)
+            return _run(batch, pool, folder, retry_failed, parquet, progress)
 
         # A study of several scenes.
         begin_tree(folder, content)
@@ -448,7 +477,7 @@ def run_study(
             try:
                 batch = replace(batch_from(content, number, here), from_paths=True)
                 check_values(batch)
-                run_batch(batch, pool, folder / batch.name, retry_failed, parquet, progress)
+                _run(batch, pool, folder / batch.name, retry_failed, parquet, progress)
             except StoreError:
                 raise
             except (InputError, ComputationError) as error:

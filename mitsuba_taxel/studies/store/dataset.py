@@ -119,7 +119,7 @@ def assemble(
             **_files("map", MAPS, "file of the irradiance in W/mm2, a block of pixels per taxel", dims, shape, results),
         },
         coords={
-            **_coordinates(axes, about.get("units", {}), about.get("roles", {})),
+            **coordinates_of(axes, about.get("units", {}), about.get("roles", {})),
             "taxel": ("taxel", first.taxel, {"long_name": "taxel, row by row from (-x, +y)"}),
             "stage": ("stage", stages),
             **_parameters(results),
@@ -128,7 +128,7 @@ def assemble(
             **_provenance(about),
             "curve": curve,
             "notes": "\n".join(notes),
-            "failures": "\n".join(_failures(axes, failures, about.get("roles", {}))),
+            "failures": "\n".join(failure_lines(axes, failures, about.get("roles", {}))),
         },
     )
 
@@ -163,10 +163,25 @@ def _files(
     return {name: (dims, names.astype(str), {"long_name": about})} if names.any() else {}
 
 
-def _coordinates(
+def coordinates_of(
     axes: Sequence[Axis], units: Mapping[str, str], roles: Mapping[str, Sequence[Any]]
 ) -> dict[str, tuple]:
-    """Values along each dimension; parameters taken together are coordinates of ``step``."""
+    """Values along each dimension; parameters taken together are coordinates of ``step``.
+
+    Parameters
+    ----------
+    axes : Sequence[Axis]
+        Dimensions of the study.
+    units : Mapping[str, str]
+        Units of parameters.
+    roles : Mapping[str, Sequence[Any]]
+        Role and sign of each parameter.
+
+    Returns
+    -------
+    dict[str, tuple]
+        Coordinates by name, as `xr.Dataset` takes them.
+    """
     coordinates: dict[str, tuple] = {}
     for axis in axes:
         for name, words in axis.values.items():
@@ -195,7 +210,25 @@ def _notes(results: Mapping[Index, StoredResult]) -> list[str]:
     return [*dict.fromkeys(remarks), *(describe_mechanics(errors) if computed else [NOT_COMPUTED])]
 
 
-def _failures(axes: Sequence[Axis], failures: Mapping[Index, Failure], roles: Mapping[str, Sequence[Any]]) -> list[str]:
+def failure_lines(
+    axes: Sequence[Axis], failures: Mapping[Index, Failure], roles: Mapping[str, Sequence[Any]]
+) -> list[str]:
+    """A line for each failed scene: its values and the reason.
+
+    Parameters
+    ----------
+    axes : Sequence[Axis]
+        Dimensions of the study.
+    failures : Mapping[tuple[int, ...], Failure]
+        Failures by their indices along the dimensions.
+    roles : Mapping[str, Sequence[Any]]
+        Role and sign of each parameter.
+
+    Returns
+    -------
+    list[str]
+        The lines.
+    """
     values = dict(combinations(axes))
     return [f"{describe(values[index], roles)}: {failure.message}" for index, failure in failures.items()]
 

@@ -44,8 +44,6 @@ SCENE = "study_scene.xml"
 JOBS, FAILED = "jobs", "failed"
 GROWING, GROWN = ".growing", ".grown"
 """Folders of a study that is being extended: incomplete, and complete."""
-_SUFFIXES = (".npz", ".json")
-"""Suffixes of the files of jobs and of failures."""
 HEADING = "# The study whose results lie beside this file; it can be run again into another folder.\n"
 
 
@@ -64,7 +62,15 @@ class StoredResult(NamedTuple):
 
 
 class Store:
-    """The folder of results of a study of one scene: reads and writes its definition, results and failures."""
+    """The folder of results of a study of one scene: reads and writes its definition, results and failures.
+
+    Attributes
+    ----------
+    results, suffix : str
+        Name of the subfolder with a file for each result, and the suffix of these files.
+    """
+
+    results, suffix = JOBS, ".npz"
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -111,7 +117,7 @@ class Store:
 
     def _refuse_links(self) -> None:
         """Raise `InputError` for links and wrong kinds of files: a study writes only within its own folder."""
-        for name in (LOCK, SCENE, JOBS, FAILED, MESHES, MAPS, GROWING, GROWN):
+        for name in (LOCK, SCENE, self.results, FAILED, MESHES, MAPS, GROWING, GROWN):
             path = self.folder / name
             kind = "file" if name in (LOCK, SCENE) else "folder"
             if path.is_symlink():
@@ -143,10 +149,15 @@ class Store:
         # Scene and folders of results.
         if self.scene != scene:
             write_text(self.folder / SCENE, scene)
-        for name in (JOBS, FAILED):
+        for name in (self.results, FAILED):
             make_folder(self.folder / name)
         for name in (MESHES, MAPS):
             remove_stale(self.folder / name)
+
+    @property
+    def _numbered_files(self) -> tuple[tuple[str, str], ...]:
+        """Subfolders with a file for each job, and the suffixes of these files."""
+        return (self.results, self.suffix), (FAILED, ".json")
 
     @property
     def scene(self) -> str:
@@ -158,7 +169,7 @@ class Store:
 
     def _forget(self, content: Mapping[str, Any]) -> bool:
         """Replace the stored study if it has no result, and return True; else change nothing, and return False."""
-        if self.done() or not (self.folder / JOBS).is_dir():
+        if self.done() or not (self.folder / self.results).is_dir():
             return False
         self.forget_failures()
         (self.folder / CHOICE).unlink(missing_ok=True)
@@ -180,14 +191,14 @@ class Store:
         if numbers is None:
             return False
         left_out = {number for number, new_number in numbers.items() if new_number is None}
-        if left_out.intersection(self.done()) or (left_out and not (self.folder / JOBS).is_dir()):
+        if left_out.intersection(self.done()) or (left_out and not (self.folder / self.results).is_dir()):
             return False
         self.aims_higher = any(stored.get(name) != content.get(name) for name in TARGETS)
 
         # Copies of all files under their new numbers, then the switch to the extended study.
         ready = self.folder / GROWING
         shutil.rmtree(ready, ignore_errors=True)
-        for name, suffix in zip((JOBS, FAILED), _SUFFIXES, strict=True):
+        for name, suffix in self._numbered_files:
             (ready / name).mkdir(parents=True)
             for number, file in _numbered(self.folder / name, suffix).items():
                 if numbers.get(number) is not None:
@@ -206,13 +217,13 @@ class Store:
             shutil.copyfile(ready / STUDY, file)
         # A run that is killed between two of these steps is completed by repeating them. Files of users in the old
         # folders are kept.
-        for name in (JOBS, FAILED):
+        for name, suffix in self._numbered_files:
             target, before = self.folder / name, ready / f"{name}_before"
             if (ready / name).is_dir():
                 if target.is_dir() and not before.exists():
                     target.rename(before)
                 (ready / name).rename(target)
-            ours = {path.name for suffix in _SUFFIXES for path in _numbered(before, suffix).values()}
+            ours = {path.name for path in _numbered(before, suffix).values()}
             for foreign in before.iterdir() if before.is_dir() else ():
                 if foreign.name not in ours and not foreign.name.startswith(PREFIX):
                     foreign.rename(target / foreign.name)
@@ -243,7 +254,7 @@ class Store:
         except OSError:
             return None
         except (ValueError, TypeError, KeyError, RecursionError) as error:
-            raise InputError(f"{file} is damaged: remove it, and the results in {JOBS} beside it.") from error
+            raise InputError(f"{file} is damaged: remove it, and the results in {self.results} beside it.") from error
         return settings, seconds
 
     def keep_choice(self, settings: Settings, pilot_seconds: Mapping[str, float]) -> None:
@@ -256,7 +267,7 @@ class Store:
 
     def done(self) -> list[int]:
         """Numbers of the jobs that have a result."""
-        return sorted(_numbered(self.folder / JOBS, ".npz"))
+        return sorted(_numbered(self.folder / self.results, self.suffix))
 
     def failures(self) -> dict[int, Failure]:
         """Failures by job number; damaged files are skipped."""
@@ -282,13 +293,17 @@ class Store:
                 write_text(self._failed(job.number), json.dumps(asdict(outcome)))
                 return
             self._keep_files(outcome.files)
-            with replacing(self._job(job.number)) as file:
+            with replacing(self.file_of(job.number)) as file:
                 file.write_bytes(archive.pack(_arrays(keepable(outcome))))
         except (OSError, WriteError) as error:
-            raise StoreError(
-                f"results cannot be stored in {self.folder} ({reason_of(error)}): {len(self.done())} jobs are stored; "
-                "the same command resumes from there."
-            ) from error
+            raise self.not_stored(error) from error
+
+    def not_stored(self, error: Exception) -> StoreError:
+        """The error for a result that could not be written because of another error."""
+        return StoreError(
+            f"results cannot be stored in {self.folder} ({reason_of(error)}): {len(self.done())} jobs are stored; the "
+            "same command resumes from there."
+        )
 
     def _keep_files(self, files: Mapping[str, bytes]) -> None:
         for name, content in files.items():
@@ -303,14 +318,15 @@ class Store:
         parameters.
         """
         try:
-            arrays = archive.unpack(self._job(number).read_bytes())
+            arrays = archive.unpack(self.file_of(number).read_bytes())
             kept = None if arrays is None else _kept(arrays)
         except Exception:  # missing, or in the format of another version
             return None
         return kept if kept is not None and kept.readings.parameters == parameters else None
 
-    def _job(self, number: int) -> Path:
-        return self.folder / JOBS / f"{number:06d}.npz"
+    def file_of(self, number: int) -> Path:
+        """File of the result of a job."""
+        return self.folder / self.results / f"{number:06d}{self.suffix}"
 
     def _failed(self, number: int) -> Path:
         return self.folder / FAILED / f"{number:06d}.json"

@@ -16,6 +16,7 @@ from mitsuba_taxel.sensing.measurement import check_request
 from mitsuba_taxel.sensing.reading.prepared_scenes import Settings
 from mitsuba_taxel.sensing.scene.finding import is_file, why_unreadable
 from mitsuba_taxel.studies.plan.batch import check_target_slope, loads_among, read_study
+from mitsuba_taxel.studies.plan.job import IMAGES
 from mitsuba_taxel.studies.plan.vary import combinations, make_axes
 from mitsuba_taxel.studies.store.dataset import assemble
 from mitsuba_taxel.studies.store.folder import STUDY, Store
@@ -44,6 +45,12 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
     """
     folder = path_of("folder", folder)
     study = read_results(folder)
+
+    if (folder / IMAGES).is_dir():
+        raise InputError(
+            f"study {folder} holds images of a camera, not readings: their table is images.csv, and `taxel dataset` "
+            "packs them."
+        )
 
     # Several scenes: a tree of the studies that have results.
     names = [scene.get("name") for scene in study["scenes"]]

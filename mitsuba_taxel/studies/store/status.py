@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from mitsuba_taxel.base.units import FORCES
 from mitsuba_taxel.studies.plan.batch import loads_among
+from mitsuba_taxel.studies.plan.job import IMAGES
 from mitsuba_taxel.studies.plan.vary import Axis, checked_places, combinations, curve_dimension, make_axes
 from mitsuba_taxel.studies.store.folder import LOCK, RUN, STUDY, Store
 from mitsuba_taxel.studies.store.opening import read_results
@@ -82,13 +83,31 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
     axes = _axes(scenes[0], study["provenance"].get("forces", FORCES), study["provenance"].get("roles", {}))
     store, values = Store(folder), dict(enumerate(values for _, values in combinations(axes)))
     fixed = study["provenance"]["parameters"]
-    numbers = values.keys() & store.done()
-    kept = {number: result for number in numbers if (result := store.load(number, {**fixed, **values[number]}))}
+    seconds, errors = _finished(folder, {number: {**fixed, **own} for number, own in values.items()})
     failed, running = values.keys() & store.failures().keys(), _is_running(folder)
-    seconds = {number: sum(result.seconds.values()) for number, result in kept.items()}
     seconds_left = _seconds_left(axes, seconds, failed, _processes(folder)) if running else None
-    error = max((result.readings.relative_total_error for result in kept.values()), default=0.0)
-    yield Status(name, len(kept), len(failed), len(values), error, running, seconds_left)
+    error = max(errors, default=0.0)
+    yield Status(name, len(seconds), len(failed), len(values), error, running, seconds_left)
+
+
+def _finished(folder: Path, parameters: Mapping[int, Mapping[str, str]]) -> tuple[dict[int, float], list[float]]:
+    """Seconds of each finished job by number, and the relative errors of readings or of pixels of images."""
+    seconds, errors = {}, []
+    if (folder / IMAGES).is_dir():
+        from mitsuba_taxel.studies.store.image_folder import ImageStore  # readings need nothing of it
+
+        images = ImageStore(folder)
+        for number in parameters.keys() & images.done():
+            if facts := images.facts(number, parameters[number]):
+                seconds[number] = sum(facts["seconds_by_stage"].values())
+                errors.append(facts["relative_error"] or 0.0)
+        return seconds, errors
+    store = Store(folder)
+    for number in parameters.keys() & store.done():
+        if result := store.load(number, parameters[number]):
+            seconds[number] = sum(result.seconds.values())
+            errors.append(result.readings.relative_total_error)
+    return seconds, errors
 
 
 def _axes(scene: dict, forces: Collection[str] = FORCES, roles: Mapping[str, tuple[str, int]] = MappingProxyType({})):

@@ -1,0 +1,204 @@
+"""Images of cameras as OpenEXR files with all their channels, and as PNG files to look at."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.files.atomic import replacing
+from mitsuba_taxel.sensing.camera import CameraImage
+from mitsuba_taxel.sensing.scene.finding import is_file
+
+if TYPE_CHECKING:
+    import os
+
+BRIGHTEST = 99.5
+"""Percentile of the image that is white in the PNG."""
+ABOUT = "about"
+"""Attribute of the EXR with everything else, as JSON."""
+NO_IMAGE = "is not allowed: an image that `taxel render` or `taxel sweep` wrote is needed."
+"""End of the refusal of other files."""
+
+
+def write_image(image: CameraImage, file: Path, about: Mapping[str, object] = MappingProxyType({})) -> Path:
+    """Write an image as OpenEXR and, beside it, as PNG.
+
+    The channels of the EXR are ``R``, ``G`` and ``B``, or ``Y``; ``standard_error.R`` and so on; ``depth`` in mm; and
+    ``coat``, 1 in pixels that show the coat. In the PNG, pixels above the percentile `BRIGHTEST` are white.
+
+    Parameters
+    ----------
+    image : CameraImage
+        The image.
+    file : Path
+        OpenEXR file, which is replaced if it exists.
+    about : Mapping[str, object]
+        Further facts for the header of the EXR, which JSON can hold.
+
+    Returns
+    -------
+    Path
+        Path of the PNG.
+
+    Raises
+    ------
+    InputError
+        if a file cannot be written.
+    """
+    write_exr(image, file, about)
+    picture = file.with_suffix(".png")
+    write_picture(image, picture, white_level(image))
+    return picture
+
+
+def write_exr(image: CameraImage, file: Path, about: Mapping[str, object] = MappingProxyType({})) -> None:
+    """Write an image as OpenEXR, with the channels that `write_image` lists.
+
+    Parameters
+    ----------
+    image : CameraImage
+        The image.
+    file : Path
+        OpenEXR file, which is replaced if it exists.
+    about : Mapping[str, object]
+        Further facts for the header, which JSON can hold.
+    """
+    import OpenEXR
+
+    names = _colours(image)
+    channels = {name: image.radiance[..., k] for k, name in enumerate(names)}
+    channels |= {f"standard_error.{name}": image.standard_error[..., k] for k, name in enumerate(names)}
+    channels |= {"depth": image.depth, "coat": image.coat}
+    pixels = {name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()}
+    header = {
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "units": "radiance in units of the lights; depth in mm",
+        "seed": str(image.seed),
+        "samples": str(image.samples),
+        "replicates": str(image.replicates),
+        ABOUT: json.dumps({"seconds": image.seconds, **about}),
+    }
+    with replacing(file) as temporary, OpenEXR.File(header, pixels) as exr:
+        exr.write(str(temporary))
+
+
+def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any]]:
+    """Read an image that `write_image` has written.
+
+    Parameters
+    ----------
+    file : str or os.PathLike
+        OpenEXR file.
+
+    Returns
+    -------
+    image : CameraImage
+        The image, in single precision.
+    about : dict[str, Any]
+        The further facts of its header.
+
+    Raises
+    ------
+    InputError
+        if the file cannot be read, or is no image of a camera.
+    """
+    import OpenEXR
+
+    if not is_file(Path(file)):  # OpenEXR would print a line of its own
+        raise InputError(f"{file} {NO_IMAGE}")
+    try:
+        with OpenEXR.File(str(file), separate_channels=True) as exr:
+            header = dict(exr.header())  # it is emptied at the end
+            channels = {name: channel.pixels for name, channel in exr.channels().items()}
+        about = json.loads(header[ABOUT])
+        names = "RGB" if "R" in channels else "Y"
+        colours, errors = ([channels[f"{of}{name}"] for name in names] for of in ("", "standard_error."))
+        image = CameraImage(
+            np.stack(colours, axis=-1),
+            np.stack(errors, axis=-1),
+            channels["depth"],
+            channels["coat"] > 0,
+            *(int(header[name]) for name in ("samples", "replicates", "seed")),
+            seconds=float(about.pop("seconds")),
+        )
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
+        raise InputError(f"{file} {NO_IMAGE}") from error
+    return image, about
+
+
+def read_image_facts(file: str | os.PathLike[str]) -> dict[str, Any]:
+    """Read the facts in the header of an image that `write_image` has written, without its pixels.
+
+    Parameters
+    ----------
+    file : str or os.PathLike
+        OpenEXR file.
+
+    Returns
+    -------
+    dict[str, Any]
+        The further facts of its header, ``seconds`` and ``samples``.
+
+    Raises
+    ------
+    InputError
+        if the file cannot be read, or is no image of a camera.
+    """
+    import OpenEXR
+
+    if not is_file(Path(file)):  # OpenEXR would print a line of its own
+        raise InputError(f"{file} {NO_IMAGE}")
+    try:
+        with OpenEXR.File(str(file), header_only=True) as exr:
+            header = dict(exr.header())  # it is emptied at the end
+        return {**json.loads(header[ABOUT]), "samples": int(header["samples"])}
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise InputError(f"{file} {NO_IMAGE}") from error
+
+
+def white_level(*images: CameraImage) -> float:
+    """Radiance that is white in pictures of these images: the largest of their percentiles `BRIGHTEST`.
+
+    Parameters
+    ----------
+    *images : CameraImage
+        The images, at least one.
+
+    Returns
+    -------
+    float
+        The radiance; 1 for black images.
+    """
+    return max(float(np.percentile(image.radiance, BRIGHTEST)) for image in images) or 1.0
+
+
+def write_picture(image: CameraImage, file: Path, white: float) -> None:
+    """Write an image as PNG, for looking at.
+
+    Parameters
+    ----------
+    image : CameraImage
+        The image.
+    file : Path
+        PNG file, which is replaced if it exists.
+    white : float
+        Radiance that is white.
+    """
+    import mitsuba as mi
+
+    shown = np.ascontiguousarray(np.clip(image.radiance / white, 0.0, 1.0), dtype=np.float32)
+    kind = mi.Bitmap.PixelFormat.RGB if shown.shape[-1] == 3 else mi.Bitmap.PixelFormat.Y
+    with replacing(file) as temporary:
+        mi.Bitmap(shown).convert(kind, mi.Struct.Type.UInt8, srgb_gamma=True).write(str(temporary))
+
+
+def _colours(image: CameraImage) -> str:
+    """Names of the colour channels."""
+    return "RGB" if image.radiance.shape[-1] == 3 else "Y"

@@ -1,0 +1,66 @@
+"""Execution of one job of a study of images: the image of its scene's camera."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from pathlib import Path
+
+from mitsuba_taxel.backend import in_turn
+from mitsuba_taxel.base.processes import stages
+from mitsuba_taxel.sensing import Scene
+from mitsuba_taxel.sensing.camera import camera_image
+from mitsuba_taxel.sensing.image_file import white_level, write_exr
+from mitsuba_taxel.sensing.reading.pad_results import pad_results
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+from mitsuba_taxel.studies.plan.job import ImageJob, ImageResult
+
+
+@in_turn
+def image_of(job: ImageJob) -> ImageResult:
+    """Compute the image of a job's scene, and the numbers of its deformed pad.
+
+    Parameters
+    ----------
+    job : ImageJob
+        The job.
+
+    Returns
+    -------
+    ImageResult
+        Content of the OpenEXR file. The facts in its header are ``parameters``, ``mesh_size``, ``variant``,
+        ``target_error``, ``relative_error``, ``coat_share``, ``white`` (radiance that is white in a picture),
+        ``seconds_by_stage``, and ``pads``, the values of `pad_results` by name, None if unknown.
+    """
+    import mitsuba as mi
+
+    before = mi.variant()
+    mi.set_variant(job.variant)
+    try:
+        return _image_of(job)
+    finally:
+        if before is not None:
+            mi.set_variant(before)
+
+
+def _image_of(job: ImageJob) -> ImageResult:
+    """The image in the current variant."""
+    with stages.record() as seconds:
+        live = Scene(job.file, job.parameters, job.mesh_size).load()
+        with stages.stage("optics"):
+            image = camera_image(live, samples=job.samples, target_error=job.target_error, seed=job.seed)
+        pads = pad_results([pad.state for pad in deformed_pads(live)], with_errors=False)
+    about = {
+        "parameters": job.parameters,
+        "mesh_size": job.mesh_size,
+        "variant": job.variant,
+        "target_error": job.target_error,
+        "relative_error": image.relative_error if math.isfinite(image.relative_error) else None,
+        "coat_share": float(image.coat.mean()),
+        "white": white_level(image),
+        "seconds_by_stage": seconds,
+        "pads": {name: number.value if math.isfinite(number.value) else None for name, number in pads.items()},
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        write_exr(image, file := Path(folder) / "image.exr", about)
+        return ImageResult(file.read_bytes(), about, seconds)
