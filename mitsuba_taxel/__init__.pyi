@@ -40,6 +40,9 @@ from .mechanics import (
     MooneyRivlin as MooneyRivlin,
 )
 from .mechanics import (
+    Mullins as Mullins,
+)
+from .mechanics import (
     NeoHookean as NeoHookean,
 )
 from .mechanics import (

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.elements.loads import Load
     from mitsuba_taxel.mechanics.errors.second_state import SecondState
     from mitsuba_taxel.mechanics.materials.laws import Material
+    from mitsuba_taxel.mechanics.materials.mullins import Mullins
     from mitsuba_taxel.mechanics.surface.finish import Finish
     from mitsuba_taxel.mechanics.surface.tessellation import Surface
     from mitsuba_taxel.mechanics.surface.wall_finishes import SeparateFinish
@@ -133,6 +134,7 @@ class PadShape(Protocol):
     value: Sequence[float]
     history: tuple[list[float], list[tuple[float, ...]]]
     prony: tuple[tuple[float, float], ...]
+    mullins: Mullins | None
     mesh_size: float | None
     mesh_tolerance: float | None
     finish: Finish | SeparateFinish | None

@@ -78,6 +78,9 @@ from .materials.laws import (
 from .materials.laws import (
     Yeoh as Yeoh,
 )
+from .materials.mullins import (
+    Mullins as Mullins,
+)
 from .materials.silicones import (
     SILICONES as SILICONES,
 )

@@ -32,6 +32,7 @@ from mitsuba_taxel.mechanics.history.pushed_path import PushedPath
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
 from mitsuba_taxel.mechanics.history.timed_rows import LoadHistory, timed_rows
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.mullins import Mullins
 from mitsuba_taxel.mechanics.materials.viscoelastic import Elastic, Viscoelastic
 from mitsuba_taxel.mechanics.memory_of_pads import refuse_too_large
 from mitsuba_taxel.pads.any_pad import AnyPad
@@ -39,6 +40,7 @@ from mitsuba_taxel.pads.block import Block
 from mitsuba_taxel.pads.pad_file import PadFile
 from mitsuba_taxel.pads.parametric.pad import Pad
 
+NEEDED = "a Material, such as NeoHookean, a Viscoelastic or a Mullins"
 FEW_STATES = 100
 MOST_BYTES = 4 * 2**30
 """Memory limit of the states returned at once; a few are always allowed."""
@@ -46,7 +48,7 @@ MOST_BYTES = 4 * 2**30
 
 def load_path(
     pad: AnyPad,
-    material: Material | Viscoelastic,
+    material: Material | Viscoelastic | Mullins,
     values: Sequence[Sequence[float]] | np.ndarray,
     *,
     times: Sequence[float] | np.ndarray | None = None,
@@ -63,13 +65,14 @@ def load_path(
     States of an elastic pad without friction depend on their values alone. A `Viscoelastic` silicone is at rest until t
     = 0; its load changes linearly from each value to the next, and jumps where two times are equal. An indenter with
     friction moves in a straight line from each value to the next. To the first value it moves down first, then
-    sideways.
+    sideways. A silicone with `Mullins` effect takes the same path, under any load; its states depend on the values
+    before, in their order.
 
     Parameters
     ----------
     pad : AnyPad
         The pad, parametric or from a file.
-    material : Material or Viscoelastic
+    material : Material or Viscoelastic or Mullins
         Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
         (S, 3) forces in N or displacements in mm, compression is z < 0; or (S, 1) pressures in MPa.
@@ -111,13 +114,13 @@ def load_path(
         continues after the contact.
     """
     require("pad", pad, (Pad, PadFile, Block), "a Pad, a PadFile or a Block")
-    require("material", material, (Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic")
+    require("material", material, (Material, Viscoelastic, Mullins), NEEDED)
     require("load", load, Load, "a load, such as SpreadForce,")
     check_progress(progress)
     rows = _checked(values, load)
     if obstacles is not None:
         obstacles = _checked_triangles(obstacles)
-    law = material.law if isinstance(material, Viscoelastic) else material
+    law = remembering(material).law
     if not (judged_on is None or (is_number(judged_on) and judged_on > 0)):
         raise refusal("judged_on", judged_on, "a finite size in mm above 0 is needed")
     if not (is_number(step_tolerance) and step_tolerance > 0):
@@ -147,7 +150,7 @@ def load_path(
 
 def state_after(
     pad: AnyPad,
-    material: Material | Viscoelastic,
+    material: Material | Viscoelastic | Mullins,
     values: Sequence[Sequence[float]] | np.ndarray,
     times: Sequence[float] | np.ndarray | None = None,
     *,
@@ -162,7 +165,7 @@ def state_after(
     ----------
     pad : AnyPad
         The pad.
-    material : Material or Viscoelastic
+    material : Material or Viscoelastic or Mullins
         Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
         Values (S, 3) or (S, 1), as of :func:`load_path`.
@@ -192,7 +195,7 @@ def state_after(
 
 def state_at_rest(
     pad: AnyPad,
-    material: Material | Viscoelastic,
+    material: Material | Viscoelastic | Mullins,
     values: Sequence[Sequence[float]] | np.ndarray,
     times: Sequence[float] | np.ndarray | None = None,
     *,
@@ -208,7 +211,7 @@ def state_at_rest(
     ----------
     pad : AnyPad
         The pad.
-    material : Material or Viscoelastic
+    material : Material or Viscoelastic or Mullins
         Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
         Values (S, 3) or (S, 1), as of :func:`load_path`.
@@ -240,8 +243,11 @@ def state_at_rest(
             return mirrored_state(placed, compared(canonical, canonical.state(zero)), mirrors)
 
 
-def remembering(material: Material | Viscoelastic) -> Viscoelastic:
-    """The material as a `Viscoelastic` object; an elastic material becomes one without relaxing terms."""
+def remembering(material: Material | Viscoelastic | Mullins) -> Viscoelastic:
+    """The material as a `Viscoelastic` object; one that is elastic or has Mullins' effect becomes one without relaxing
+    terms."""
+    if isinstance(material, Mullins):
+        return Elastic(material.law, softening=material)
     return material if isinstance(material, Viscoelastic) else Elastic(material)
 
 
@@ -265,7 +271,7 @@ def _compared_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | No
 
 
 def _state_in_time(
-    path: PadPath, material: Material | Viscoelastic, history: LoadHistory, obstacles: np.ndarray | None
+    path: PadPath, material: Material | Viscoelastic | Mullins, history: LoadHistory, obstacles: np.ndarray | None
 ) -> State:
     """The last state of a load history, for a pad whose states depend on earlier states."""
     kind = PushedPath if path.load.driven is not None else TimedPath

@@ -18,6 +18,7 @@ from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.history.timed_rows import timed_rows
 from mitsuba_taxel.mechanics.materials.laws import Material, NeoHookean
 from mitsuba_taxel.mechanics.materials.material_file import SUFFIX, MeasuredMaterial, read_material
+from mitsuba_taxel.mechanics.materials.mullins import Mullins, mullins_of
 from mitsuba_taxel.mechanics.materials.silicones import HARDNESS, SILICONES, from_shore_a, silicone
 from mitsuba_taxel.mechanics.materials.viscoelastic import Terms, Viscoelastic, prony_of
 from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, RandomRoughness
@@ -141,11 +142,19 @@ class DeformablePad(Specification, Kinded):
         "are instantaneous values; the long-term modulus is smaller by the factor 1 - sum of the weights.",
         default_words="none, or that of the material's file",
     )
+    mullins: str = text(
+        "",
+        "Mullins' effect by the law of Ogden and Roxburgh: the numbers r, m in MPa and beta, such as 2 0.02 0.1. A "
+        "silicone that was strained before is softer up to that strain; the earlier strains are those of `history`. "
+        "All constants of the material are those of the first loading. It is not modelled together with `prony`.",
+        default_words="none",
+    )
     history: str = text(
         "",
         "Earlier values of the load: rows 'time x y z', or 'time pressure', separated by ';'. The load is linear "
         "between rows, and jumps where two times are equal. Studies of steps with a column time set it. It is used "
-        "with viscoelasticity and with friction; for friction alone, only the order of the times matters.",
+        "with viscoelasticity, Mullins' effect and friction; without viscoelasticity, only the order of the times "
+        "matters.",
         default_words="none",
     )
     time: float = number(
@@ -302,7 +311,11 @@ class DeformablePad(Specification, Kinded):
             )
         self.build_finish()
         self.cell_numbers()
-        terms, (times, values) = self.build_prony(), self.build_history()
+        terms, (times, values), mullins = self.build_prony(), self.build_history(), self.build_mullins()
+        if terms and mullins:
+            raise InputError(
+                f"mullins = {self.mullins!r} is not allowed with viscoelasticity, prony: only one of both is modelled."
+            )
         if self.rate is not None and self.time:
             raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: leave one out.")
 
@@ -320,7 +333,7 @@ class DeformablePad(Specification, Kinded):
                         f"{MOST_TRACTION:g} times Young's modulus, {material.youngs_modulus:g} MPa, is needed."
                     )
             if not terms:
-                timed_rows(material, load, np.array(values), None)
+                timed_rows(mullins or material, load, np.array(values), None)
             load.check(value)
         if self.filename is None:
             self.build_pad()
@@ -349,6 +362,10 @@ class DeformablePad(Specification, Kinded):
         """Terms of the Prony series, of the scene or of the material's file."""
         measured = None if self.prony else self._measured
         return measured.prony if measured else prony_of(self.prony)
+
+    def build_mullins(self) -> Mullins | None:
+        """The material with Mullins' effect; None without the effect."""
+        return mullins_of(self.mullins, self.build_material()) if self.mullins.strip() else None
 
     @property
     def tested_stretch(self) -> float | None:
@@ -435,7 +452,7 @@ class DeformablePad(Specification, Kinded):
     def of(
         cls,
         pad: Pad,
-        material: Material | Viscoelastic,
+        material: Material | Viscoelastic | Mullins,
         load: Load,
         value: Any,
         finish: Finish | SeparateFinish | None,
@@ -447,7 +464,7 @@ class DeformablePad(Specification, Kinded):
         ----------
         pad : Pad
             The undeformed pad.
-        material : Material or Viscoelastic
+        material : Material or Viscoelastic or Mullins
             Material of the pad.
         load : Load
             The load.
@@ -466,6 +483,9 @@ class DeformablePad(Specification, Kinded):
         """
         if isinstance(material, Viscoelastic):
             settings["prony"] = "; ".join(f"{weight!r} {time!r}" for weight, time in material.prony)
+            material = material.law
+        elif isinstance(material, Mullins):
+            settings["mullins"] = " ".join(repr(float(constant)) for constant in material.constants)
             material = material.law
         if not material.name:
             law = type(material).__name__

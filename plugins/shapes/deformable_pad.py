@@ -104,7 +104,8 @@ class DeformablePad(mi.Mesh):
         self.material = parameters.build_material()
         self.load, self.value = parameters.build_load(resolved_path)
         self.prony, self.history = parameters.build_prony(), parameters.build_history()
-        self.remembers = bool(self.prony) or rubs(self.load)
+        self.mullins = parameters.build_mullins()
+        self.remembers = bool(self.prony) or self.mullins is not None or rubs(self.load)
         self.mesh_size, self.mesh_tolerance, self.judged_on = parameters.mesh_size, parameters.mesh_tolerance, None
         self.read_cells = parameters.cell_numbers()
         self.finish = parameters.build_finish()
@@ -354,7 +355,8 @@ class DeformablePad(mi.Mesh):
         times, values = self.history
         path = [*values[:-1], value]
         if not self.prony:
-            return state_after(self.pad, self.material, path, None, obstacles=obstacles, **self._settings)
+            elastic = self.mullins or self.material
+            return state_after(self.pad, elastic, path, None, obstacles=obstacles, **self._settings)
         material = Viscoelastic(self.material, self.prony)
         return state_after(self.pad, material, path, times, obstacles=obstacles, **self._settings)
 

@@ -18,6 +18,13 @@ SWEEP = ("sweep", "plate.xml", "--points", 64)
 CASES = {
     "unknown cell": (("render", "pad.xml", "-D", "cell=round"), "round"),
     "a memory of all stress": (("render", "pad.xml", "-D", "prony=0.5 1; 0.5 2"), "add up to 1"),
+    "Mullins' effect with relaxation": (
+        ("render", "pad.xml", "-D", "prony=0.1 1", "-D", "mullins=2 0.1"),
+        "only one of both",
+    ),
+    "Mullins' effect without its constants": (("render", "pad.xml", "-D", "mullins=2"), "'r m beta'"),
+    "a gain by Mullins' effect": (("render", "pad.xml", "-D", "mullins=0.5 0.1"), "mullins r = 0.5"),
+    "slopes with Mullins' effect": (("render", "pad.xml", "-D", "mullins=2 0.1", "--derivatives", "fz"), "Mullins"),
     "times that go back": (("render", "pad.xml", "-D", "prony=0.1 1", "-D", "history=3 0 0 -1"), "at least 3 s"),
     "slopes with a memory": (("render", "pad.xml", "-D", "prony=0.1 1", "--derivatives", "fz"), "viscoelastic"),
     "negative modulus": (("render", "pad.xml", "-D", "youngs_modulus=-1"), "youngs_modulus"),

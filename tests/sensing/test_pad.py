@@ -111,7 +111,7 @@ def test_exported_mesh_in_a_plain_scene_reads_the_same(llvm_mono, tmp_path, agre
     start, end = rest.index('<shape type="deformable_pad">'), rest.index('<bsdf type="region">')
     ply = '<shape type="ply"><string name="filename" value="pad.ply"/><boolean name="face_normals" value="true"/>'
     text = rest[:start] + ply + rest[end:]
-    for name in ("cell", "fx", "fy", "fz", "youngs_modulus", "poisson_ratio", "prony", "history", "time"):
+    for name in ("cell", "fx", "fy", "fz", "youngs_modulus", "poisson_ratio", "prony", "mullins", "history", "time"):
         text = "\n".join(line for line in text.splitlines() if f'<default name="{name}"' not in line)
     (tmp_path / "plain.xml").write_text(text)
     before = measure(live, points=512, mechanics_error=False)

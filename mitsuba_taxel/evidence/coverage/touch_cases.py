@@ -10,6 +10,7 @@ import numpy as np
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import IndenterDisplacement, IndenterForce
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
+from mitsuba_taxel.mechanics.materials.mullins import Mullins
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 from mitsuba_taxel.pads.parametric.pad import CELL_SHAPES, Pad
 from mitsuba_taxel.sensing import PadSensor
@@ -24,7 +25,7 @@ Setting = tuple[str, dict[str, Any]]
 
 def touch_settings() -> Iterator[tuple[str, PadSensor]]:
     """Yield the name and the sensor of each setting: every kind of touch on each of the paper's cell shapes."""
-    rng = np.random.default_rng(SEED)
+    rng, second_rng = np.random.default_rng(SEED), np.random.default_rng(SEED + 1)
     kinds: tuple[Callable[[np.random.Generator], Setting], ...] = (
         _pressed_ball,
         _dragged_ball,
@@ -42,6 +43,9 @@ def touch_settings() -> Iterator[tuple[str, PadSensor]]:
             name, parameters = kind(rng)
             pad = Pad(cell, 1, 1, **parameters.pop("sizes", {}))
             yield f"{cell}, 1 x 1, {name}", PadSensor(pad, **parameters)
+        # A generator of its own leaves the settings above as they were.
+        name, parameters = _ball_on_softened_silicone(second_rng)
+        yield f"{cell}, 1 x 1, {name}", PadSensor(Pad(cell, 1, 1), **parameters)
 
 
 def _drawn(rng: np.random.Generator, low: float, high: float) -> float:
@@ -123,6 +127,18 @@ def _ball_on_viscoelastic_silicone(rng: np.random.Generator) -> Setting:
         "force": (x, 0.0, -depth),
         "history": ((1.0, (0.0, 0.0, -depth)),),
         "time": 1.0 + time,
+    }
+
+
+def _ball_on_softened_silicone(rng: np.random.Generator) -> Setting:
+    (radius, depth), r, again = _ball(rng, 0.8), _drawn(rng, 1.3, 3.0), round(float(rng.uniform(0.3, 0.9)), 2)
+    m = _drawn(rng, 0.002, 0.1)
+    name = f"ball of {radius:g} mm, {depth:g} mm deep and {again:g} of it again, Mullins' effect {r:g}, {m:g} MPa"
+    return name, {
+        "material": Mullins(NeoHookean(), r, m, 0.1),
+        "load": IndenterDisplacement(Indenter(radius=radius)),
+        "force": (0.0, 0.0, -round(again * depth, 4)),
+        "history": ((0.0, (0.0, 0.0, -depth)), (0.0, (0.0, 0.0, 0.0))),
     }
 
 

@@ -72,12 +72,12 @@ class PathRate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ViscoelasticMemory:
-    """Additional data of a state of a viscoelastic silicone, as in :class:`State`.
+    """Additional data of a state of a silicone that is viscoelastic or has Mullins' effect, as in :class:`State`.
 
     Attributes
     ----------
-    time : float
-        Time since the pad was at rest, s.
+    time : float or None
+        Time since the pad was at rest, s; None if the silicone is not viscoelastic.
     stress : Callable
         Function without arguments that computes the overstress.
     overstress : ndarray
@@ -89,7 +89,7 @@ class ViscoelasticMemory:
         Relative error of the overstress, root mean square over the pad.
     """
 
-    time: float
+    time: float | None
     stress: Callable[[], np.ndarray]
     deviation: np.ndarray
     error: float
@@ -108,7 +108,8 @@ class State(Displayed):
     mesh : VolumeMesh
         Undeformed mesh.
     material : Material
-        Law of the silicone; if it is viscoelastic, the instantaneous law.
+        Law of the silicone; if it is viscoelastic, the instantaneous law; with Mullins' effect, that of the first
+        loading.
     load : Load
         Kind of load.
     value : (3,) or (1,) ndarray
@@ -137,7 +138,7 @@ class State(Displayed):
         tangents of the solved states determine it. It is None at rest, where no direction is known, for a viscoelastic
         silicone, and where its iteration does not converge.
     memory : ViscoelasticMemory or None
-        Memory of a viscoelastic silicone: its time, stress, and their errors.
+        Memory of a silicone that is viscoelastic or has Mullins' effect: its time, stress, and their errors.
     traction : (2 N, 3) ndarray
         Traction of an indenter's friction in MPa, at each node of the top, then of the outside; (0, 3) without it.
     indenter_moved : (3,) ndarray or None

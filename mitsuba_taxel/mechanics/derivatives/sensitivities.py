@@ -47,6 +47,10 @@ def linearise(state: State) -> LinearisedState:
         if there is no stable equilibrium nearby, as at the end of some paths; or if memory does not suffice.
     """
     require("state", state, State, "a State, as load_path returns it,")
+    if state.memory is not None and state.memory.time is None:
+        raise InputError(
+            "derivatives with Mullins' effect are not available: remove mullins, or vary the parameter in a sweep."
+        )
     if state.memory is not None:
         raise InputError(
             "derivatives of a viscoelastic silicone are not available: remove prony, or vary the parameter in a sweep."

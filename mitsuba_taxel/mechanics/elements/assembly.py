@@ -14,7 +14,7 @@ from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.constraints import Numbering
 from mitsuba_taxel.mechanics.elements.elements import Elements
-from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
+from mitsuba_taxel.mechanics.elements.internal_variables import Softening, StressUpdate
 from mitsuba_taxel.mechanics.elements.sparsity import Sparsity, equal_pairs
 from mitsuba_taxel.mechanics.materials.laws import Material
 
@@ -88,7 +88,7 @@ class Assembly:
         displacement: np.ndarray,
         pressure: np.ndarray,
         with_tangent: bool = True,
-        stress_update: StressUpdate | None = None,
+        stress_update: StressUpdate | Softening | None = None,
     ) -> InternalForces:
         """Internal forces and tangent at a state, without load.
 
@@ -98,8 +98,8 @@ class Assembly:
             Displacements of the nodes in mm.
         pressure : (corners,) ndarray
             Pressure at each corner of the elements in MPa, positive in tension.
-        stress_update : StressUpdate, optional
-            Isochoric stress of a viscoelastic solid.
+        stress_update : StressUpdate or Softening, optional
+            Isochoric stress of a viscoelastic solid, or of one with Mullins' effect.
 
         Returns
         -------

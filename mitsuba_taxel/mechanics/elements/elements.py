@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,12 +20,10 @@ from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.base.processes.threads import side_by_side
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions, shape_gradients
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.elements.internal_variables import Softening, StressUpdate
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.mechanics.materials.moduli import PAIRS
 from mitsuba_taxel.mechanics.materials.viscoelastic import components, tensors
-
-if TYPE_CHECKING:
-    from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
 
 Result = TypeVar("Result")
 
@@ -153,7 +151,7 @@ class Elements:
         displacement: np.ndarray,
         pressure: np.ndarray,
         with_matrices: bool,
-        stress_update: StressUpdate | None = None,
+        stress_update: StressUpdate | Softening | None = None,
     ) -> ElementState:
         """Forces, volumes and tangents of all elements at a state.
 
@@ -165,8 +163,8 @@ class Elements:
             Pressure at each corner of the elements in MPa, positive in tension.
         with_matrices : bool
             Whether tangents are needed.
-        stress_update : StressUpdate, optional
-            Isochoric stress of a viscoelastic solid, from that of the law.
+        stress_update : StressUpdate or Softening, optional
+            Isochoric stress of a viscoelastic solid, or of one with Mullins' effect, from that of the law.
 
         Returns
         -------
@@ -191,13 +189,18 @@ class Elements:
             if not determinant.min() > 0:
                 return
 
-            # First Piola-Kirchhoff stress: isochoric, of the history, and of the pressure.
+            # First Piola-Kirchhoff stress: isochoric, of the history, and of the pressure. Mullins' effect multiplies
+            # that of the law by eta(W), which is 1 where the law is linear.
             state = gradient, determinant, cofactor / determinant[..., None, None]
-            factor, overstress = 1.0 if stress_update is None else stress_update.factor, None
-            stress = self.material.stress(*state)
-            if stress_update is not None:
-                overstress = tensors(stress_update.offset[here])
+            factor, overstress, damage = 1.0, None, None
+            law_stress = stress = self.material.stress(*state)
+            if isinstance(stress_update, StressUpdate):
+                factor, overstress = stress_update.factor, tensors(stress_update.offset[here])
                 stress = factor * stress + gradient @ overstress
+            elif stress_update is not None:
+                energies = self.material.energy(gradient), stress_update.largest[here]
+                damage = stress_update.mullins.damage_variable(*energies)
+                stress = damage[..., None, None] * stress
             stress = stress + p[..., None, None] * cofactor
             excess = determinant - 1 - self.material.compressibility * p
             if small is not None:
@@ -214,7 +217,14 @@ class Elements:
             if small is not None:
                 follower_pressure = np.where(small.at, 0.0, p)
                 overstress = None if overstress is None else np.where(small.at[..., None, None], 0.0, overstress)
-            if overstress is None:
+            if damage is not None:
+                # The derivative of eta P is eta dP/dF + d(eta)/dW P P, as P = dW/dF.
+                assert stress_update is not None
+                moduli = self.material.moduli(*state, follower_pressure / damage)
+                slope = 0.5 * stress_update.mullins.damage_slope(*energies) / damage
+                moduli.pairs.append((law_stress, slope[..., None, None] * law_stress))
+                blocks = moduli.stiffness(damage * weight, self.gradients[here])
+            elif overstress is None:
                 blocks = self.material.moduli(*state, follower_pressure).stiffness(weight, self.gradients[here])
             else:
                 moduli = self.material.moduli(*state, follower_pressure / factor).with_inner(overstress / factor)
@@ -256,6 +266,16 @@ class Elements:
             return components(np.swapaxes(inverse_transpose, -1, -2) @ first)
 
         return np.concatenate(in_turns(stress, len(self.nodes)))
+
+    def isochoric_energy(self, displacement: np.ndarray) -> np.ndarray:
+        """Isochoric energy density (m, q) in MPa of the material at a displacement (N, 3). Where the law is linear, it
+        is 0."""
+
+        def energy(start: int) -> np.ndarray:
+            here = slice(start, start + ELEMENTS_AT_ONCE)
+            return self.material.energy(self.at_rest(here, self.gradient(here, displacement) + np.eye(3))[0])
+
+        return np.concatenate(in_turns(energy, len(self.nodes)))
 
     def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Rate (m, q, 6) in MPa/s of the isochoric stress with a ``velocity`` (N, 3) in mm/s, by a central

@@ -1,4 +1,4 @@
-"""Internal variables of a viscoelastic solid at the quadrature points of its elements.
+"""Internal variables of a viscoelastic solid, or of one with Mullins' effect, at the quadrature points of its elements.
 
 All stresses here are second Piola-Kirchhoff, in MPa, with six components per point. S is the stress of the
 instantaneous law, Q_i that of a term of the Prony series. Within a step, S is linear in time or, if a ``growth`` is
@@ -14,6 +14,7 @@ import numpy as np
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.elements.symmetry import SymmetricPart
 from mitsuba_taxel.mechanics.materials.creep import Growth
+from mitsuba_taxel.mechanics.materials.mullins import Mullins
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic, components, tensors
 
 
@@ -43,8 +44,33 @@ class StressUpdate:
 
 
 @dataclass(frozen=True, eq=False)
+class Softening:
+    """The isochoric stress with Mullins' effect at the end of a step, as a function of the strain there.
+
+    Attributes
+    ----------
+    mullins : Mullins
+        The material.
+    largest : (m, q) ndarray
+        Largest energy density of the law before the step, in MPa, at the quadrature points of a part of the mesh.
+    part : SymmetricPart
+        The part.
+    """
+
+    mullins: Mullins
+    largest: np.ndarray
+    part: SymmetricPart
+
+    def on(self, part: SymmetricPart, whole: VolumeMesh) -> Softening:
+        """The same on another part of the whole mesh."""
+        if part is self.part:
+            return self
+        return Softening(self.mullins, expand_scalar(self.largest, self.part, whole)[part.elements], part)
+
+
+@dataclass(frozen=True, eq=False)
 class InternalVariables:
-    """The internal variables of a viscoelastic solid at a time, for m elements with q quadrature points and k terms.
+    """The internal variables of a solid at a time, for m elements with q quadrature points and k viscoelastic terms.
 
     Attributes
     ----------
@@ -61,6 +87,8 @@ class InternalVariables:
         jump of the load.
     step : float
         Duration of the last step in s.
+    largest_energy : (m, q) ndarray or None
+        Largest energy density of the law so far in MPa; None without Mullins' effect. With it, m is 0 for all others.
     """
 
     stress: np.ndarray
@@ -69,16 +97,21 @@ class InternalVariables:
     law_error: np.ndarray
     rate: np.ndarray | None = None
     step: float = 0.0
+    largest_energy: np.ndarray | None = None
 
     @classmethod
     def at_rest(cls, material: Viscoelastic, elements: int, points: int) -> InternalVariables:
         """Variables of elements that were never loaded, with a number of quadrature points each."""
+        largest = None
+        if material.softening is not None:
+            largest, elements = np.zeros((elements, points)), 0
         zero = np.zeros((len(material.prony), elements, points, 6))
-        return cls(np.zeros((elements, points, 6)), zero, zero, np.zeros((elements, points, 6)))
+        stress = np.zeros((elements, points, 6))
+        return cls(stress, zero, zero, np.zeros_like(stress), largest_energy=largest)
 
     def stress_update(
         self, material: Viscoelastic, step: float, part: SymmetricPart, growth: Growth | None = None
-    ) -> StressUpdate:
+    ) -> StressUpdate | Softening:
         """The stress at the end of the next step, as a function of the stress of the law.
 
         Parameters
@@ -94,9 +127,12 @@ class InternalVariables:
 
         Returns
         -------
-        StressUpdate
+        StressUpdate or Softening
             Update of the isochoric stress.
         """
+        if material.softening is not None:
+            assert self.largest_energy is not None
+            return Softening(material.softening, self.largest_energy, part)
         offset = np.tensordot(material.over(step).decay, self.term_stress, axes=1)
         by_rate, by_change = self._weights(material, step, growth)
         offset -= float(by_change.sum()) * self.stress
@@ -133,6 +169,11 @@ class InternalVariables:
         error = _scaled(decay, self.error) - _scaled(by_change, self.law_error)
         rate = change / step if step > 0 else None
         return InternalVariables(stress, term_stress, error, np.zeros_like(stress), rate, step)
+
+    def after_energy(self, energy: np.ndarray) -> InternalVariables:
+        """The variables after a step with Mullins' effect, at whose end the law has an ``energy`` density (m, q) in
+        MPa. Within the step, no point has a larger one than at its ends."""
+        return replace(self, largest_energy=np.maximum(self.largest_energy, energy))
 
     def _weights(self, material: Viscoelastic, step: float, growth: Growth | None) -> tuple[np.ndarray, np.ndarray]:
         """Weights (k,) and (k,) with which :meth:`_initial_change` and the change of S contribute to the k terms at the
@@ -211,6 +252,8 @@ class InternalVariables:
         """
         if part is own:
             return self
+        if self.largest_energy is not None:
+            return replace(self, largest_energy=expand_scalar(self.largest_energy, own, whole)[part.elements])
 
         def moved(field: np.ndarray) -> np.ndarray:
             return expand_stress(field, own, whole)[part.elements]
@@ -237,10 +280,37 @@ def expand_stress(stress: np.ndarray, part: SymmetricPart, whole: VolumeMesh) ->
     (M, q, 6) ndarray
         Stress at the quadrature points of the whole mesh, MPa.
     """
-    element, corner, turn = part.element_images(whole)
-    families = stress.reshape(len(stress), -1, 4, 6)  # quadrature points are numbered by the corners they are near
-    images = tensors(families[element[:, None], :, corner].swapaxes(1, 2).reshape(len(element), -1, 6))
+    turn = part.element_images(whole)[2]
+    images = tensors(_images(stress, part, whole))
     return components(turn[:, None] @ images @ np.swapaxes(turn, -1, -2)[:, None])
+
+
+def expand_scalar(scalar: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
+    """A scalar field of a whole mesh from that of a symmetric part.
+
+    Parameters
+    ----------
+    scalar : (m, q) ndarray
+        Field at the quadrature points of the part.
+    part : SymmetricPart
+        The part.
+    whole : VolumeMesh
+        The whole mesh.
+
+    Returns
+    -------
+    (M, q) ndarray
+        Field at the quadrature points of the whole mesh.
+    """
+    return _images(scalar[..., None], part, whole)[..., 0]
+
+
+def _images(field: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
+    """Components (M, q, c) of a field (m, q, c) of a part at the quadrature points of the whole mesh, not turned."""
+    element, corner, _ = part.element_images(whole)
+    # Quadrature points are numbered by the corners they are near.
+    families = field.reshape(len(field), -1, 4, field.shape[-1])
+    return families[element[:, None], :, corner].swapaxes(1, 2).reshape(len(element), -1, field.shape[-1])
 
 
 def _scaled(factors: np.ndarray, fields: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.mechanics.contact.indentation import ContactState, Indentation
 from mitsuba_taxel.mechanics.elements.assembly import Assembly
 from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
-from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
+from mitsuba_taxel.mechanics.elements.internal_variables import Softening, StressUpdate
 from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces, pressure_stiffness, wet_faces
@@ -104,7 +104,7 @@ class Model:
         pressure: np.ndarray,
         value: np.ndarray,
         with_tangent: bool = True,
-        stress_update: StressUpdate | None = None,
+        stress_update: StressUpdate | Softening | None = None,
         contact_forces: tuple[np.ndarray, np.ndarray | None] | tuple[()] = (),
     ) -> Configuration:
         """Residual and tangent of the part at a state.
@@ -119,8 +119,8 @@ class Model:
             Value of the load on the whole pad.
         with_tangent : bool
             Whether the tangent is needed.
-        stress_update : StressUpdate, optional
-            Isochoric stress of a viscoelastic solid.
+        stress_update : StressUpdate or Softening, optional
+            Isochoric stress of a viscoelastic solid, or of one with Mullins' effect.
         contact_forces : tuple of ndarray, optional
             Pressures (m,) and tractions (m, 3) or None of an indenter, in MPa; by default the pressures of the gaps.
             The tangent treats them as constant; their changes are in :meth:`constraints`.

@@ -144,6 +144,10 @@ class MeshedPad:
         """Second Piola-Kirchhoff stress (m, q, 6) in MPa of the law in the part, at a displacement of the whole pad."""
         return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
 
+    def isochoric_energy(self, displacement: np.ndarray) -> np.ndarray:
+        """Energy density (m, q) in MPa of the law on this part, at a displacement (N, 3) in mm of the whole pad."""
+        return self.model.assembly.elements.isochoric_energy(displacement[self.part.nodes])
+
     def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Rate of the second Piola-Kirchhoff stress of the law in the part.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitsuba_taxel.mechanics.contact.friction import FrictionState
-from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
+from mitsuba_taxel.mechanics.elements.internal_variables import Softening, StressUpdate
 from mitsuba_taxel.mechanics.elements.model import Configuration
 from mitsuba_taxel.mechanics.equilibrium.linearised import Linearised
 
@@ -18,13 +18,14 @@ class History:
 
     Attributes
     ----------
-    stress_update : StressUpdate or None
-        Stress of a viscoelastic pad as a function of that of the law; None if it is elastic.
+    stress_update : StressUpdate or Softening or None
+        Stress of a viscoelastic pad, or of one with Mullins' effect, as a function of that of the law; None if it is
+        elastic.
     friction_state : FrictionState or None
         State of an indenter's friction at the end of the previous step; None if the indenter has not touched the pad.
     """
 
-    stress_update: StressUpdate | None = None
+    stress_update: StressUpdate | Softening | None = None
     friction_state: FrictionState | None = None
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.volume_mesh import TET_FACES, VolumeMesh
-from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
+from mitsuba_taxel.mechanics.elements.internal_variables import Softening, StressUpdate
 from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.pressure import pressure_stiffness
@@ -70,7 +70,7 @@ class Stability:
         displacement: np.ndarray,
         pressure: np.ndarray,
         value: np.ndarray,
-        stress_update: StressUpdate | None = None,
+        stress_update: StressUpdate | Softening | None = None,
     ) -> int:
         """Number of negative eigenvalues of the tangent beyond those of the pressures: 0 if the pad is stable. The
         count is that of the first unstable block.
@@ -105,7 +105,7 @@ class Stability:
         displacement: np.ndarray,
         pressure: np.ndarray,
         value: np.ndarray,
-        stress_update: StressUpdate | None,
+        stress_update: StressUpdate | Softening | None,
     ) -> Iterator[int]:
         for block in self._blocks:
             symmetric_part = block.model.part

@@ -66,9 +66,9 @@ class RowSteps:
     judged : bool
         Whether stability is tested against all displacements, not only against those with the symmetry of the load.
     coarsening : int
-        Length of steps under friction, relative to the steps of the path: 1 or 2.
+        Length of steps under friction and with Mullins' effect, relative to the steps of the path: 1 or 2.
     count : int, optional
-        Number of steps under friction; by default it follows from the length of the movement.
+        Number of these steps; by default it follows from the length of the movement.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class RowSteps:
         self._pad, self._material, self._start, self._load = pad, material, start, load
         self._duration, self.stress_scale, self._tolerance = duration, stress_scale, coarsening**2 * TIME_TOLERANCE
         steps = float(np.linalg.norm(load[1])) / pad.step
-        if isinstance(pad, IndentedPad) and pad.friction:
+        if material.softening is not None or (isinstance(pad, IndentedPad) and pad.friction):
             steps = (2 * math.ceil(steps) if count is None else count) / coarsening
         self._longest = 1 / max(steps, 1.0)
         self._leaps, self._response = leaps(pad, material), response(pad.load, material)
@@ -212,7 +212,7 @@ class RowSteps:
         beforehand.
         """
         pad, time = self._pad, (fraction - here.fraction) * self._duration
-        value, remembers = self._load[0] + fraction * self._load[1], bool(self._material.prony)
+        value = self._load[0] + fraction * self._load[1]
 
         # The measure over which the stress of the law is a parabola: the response of a linear pad to this load.
         measures = None
@@ -220,7 +220,9 @@ class RowSteps:
             assert here.load_memory is not None
             measures = self._response.measures(here.load_memory, self._load[1] / self._duration, time)
         growth = measures.main if measures else None
-        stress_update = here.variables.stress_update(self._material, time, pad.part, growth) if remembers else None
+        stress_update = None
+        if self._material.has_memory:
+            stress_update = here.variables.stress_update(self._material, time, pad.part, growth)
         history = History(stress_update, here.friction_state)
 
         # Predict by the velocity, and solve.
@@ -240,10 +242,13 @@ class RowSteps:
             self._near = pad.tangent_at(solution.unknowns, value, self._near, history)
 
         # Internal variables, friction, and the memory of the load at the end.
-        variables = here.variables
-        if remembers:
-            stress = pad.model.assembly.elements.isochoric_stress(pad.numbering.split(solution.unknowns)[0])
+        variables, elements = here.variables, pad.model.assembly.elements
+        displacement = pad.numbering.split(solution.unknowns)[0]
+        if self._material.prony:
+            stress = elements.isochoric_stress(displacement)
             variables = variables.after(self._material, time, stress, growth)
+        elif self._material.softening is not None:
+            variables = variables.after_energy(elements.isochoric_energy(displacement))
         friction_state = (
             pad.friction_state_at(solution.unknowns, value, history) if isinstance(pad, IndentedPad) else None
         )

@@ -90,9 +90,9 @@ class TimedPath(TimedStates):
         at = self.reached(rows)
         self._refuse_unresolved(at.shape.displacement, at.load.value)
         memory = None
-        if self._material.prony:
-            overstress = partial(self._overstress, rows)
-            memory = ViscoelasticMemory(time, overstress, at.shape.deviation, at.figures.stress_error)
+        if self._material.has_memory:
+            overstress, when = partial(self._overstress, rows), time if self._material.prony else None
+            memory = ViscoelasticMemory(when, overstress, at.shape.deviation, at.figures.stress_error)
         return State(
             mesh=path.mesh,
             material=path.material,
@@ -169,9 +169,10 @@ class TimedPath(TimedStates):
 
     @cached_property
     def _longer(self) -> TimedPath:
-        """The path with steps of twice the length if there is friction, because errors are then proportional to the
-        length; otherwise this path."""
-        return type(self)(self._path, self._material, 2) if rubs(self._path.load) else self
+        """The path with steps of twice the length if there is friction or Mullins' effect, because errors are then
+        proportional to the length; otherwise this path."""
+        by_steps = rubs(self._path.load) or self._material.softening is not None
+        return type(self)(self._path, self._material, 2) if by_steps else self
 
     @cached_property
     def _closer(self) -> TimedPath:
@@ -186,7 +187,7 @@ class TimedPath(TimedStates):
         longer: TimeState,
         closer: TimeState,
     ) -> np.ndarray:
-        """Deviations due to the elements. Deviations due to time steps, to steps under friction, and to the reach of
+        """Deviations due to the elements. Deviations due to time steps, to steps of the load, and to the reach of
         contact are added to the remainder."""
         displacement = here.shape.displacement
         result = deviations(displacement, on_other.shape.displacement)
@@ -196,8 +197,15 @@ class TimedPath(TimedStates):
 
     def _overstress(self, rows: LoadHistory, at: TimeState | None = None) -> np.ndarray:
         """Overstress (m, q, 6) in MPa, as in :class:`ViscoelasticMemory`."""
-        at = self.reached(rows) if at is None else at
-        return expand_stress(at.variables.overstress(self._material), self._pad_for(rows).part, self._path.mesh)
+        at, pad = self.reached(rows) if at is None else at, self._pad_for(rows)
+        softening, largest = self._material.softening, at.variables.largest_energy
+        if softening is None or largest is None:
+            stress = at.variables.overstress(self._material)
+        else:
+            displacement = at.shape.displacement
+            damage = softening.damage_variable(pad.isochoric_energy(displacement), largest)
+            stress = (damage - 1)[..., None] * pad.isochoric_stress(displacement)
+        return expand_stress(stress, pad.part, self._path.mesh)
 
     def _board_force(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
         """Force (3,) in N of the board on the pad."""
@@ -206,7 +214,7 @@ class TimedPath(TimedStates):
         if self_contact and self._moving.indenter is not None:
             body = Indentation(self._path.mesh, self._moving.indenter, self._path.material.youngs_modulus)
             return -body.contact_state(at.shape.displacement, at.load.value, traction=body.at_nodes(at.traction)).force
-        overstress, path = self._overstress(rows, at) if self._material.prony else None, self._path
+        overstress, path = self._overstress(rows, at) if self._material.has_memory else None, self._path
         solved = path.mesh, path.material, at.shape.displacement, at.shape.pressure, overstress
         if not self_contact:
             return glued_force(*solved)

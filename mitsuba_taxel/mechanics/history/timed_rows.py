@@ -1,4 +1,4 @@
-"""Values of a load with their times, for viscoelastic silicones."""
+"""Values of a load with their times, for silicones and loads whose states depend on earlier states."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mitsuba_taxel.base.arguments import array_of, refusal
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.mullins import Mullins
 from mitsuba_taxel.mechanics.materials.viscoelastic import Viscoelastic
 
 DIGEST_SIZE = 32
@@ -94,14 +95,17 @@ class LoadHistory:
         return hash(self.digest)
 
 
-def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray, times: object) -> LoadHistory:
+def timed_rows(
+    material: Material | Viscoelastic | Mullins, load: Load, values: np.ndarray, times: object
+) -> LoadHistory:
     """The history of a load, empty if states depend on its value alone.
 
-    For friction on an elastic material, all rows are at 0 s, and the indenter first moves down, then sideways.
+    For friction on an elastic material, and for Mullins' effect, all rows are at 0 s, and the load first acts along z,
+    then sideways.
 
     Parameters
     ----------
-    material : Material or Viscoelastic
+    material : Material or Viscoelastic or Mullins
         Material of the pad.
     load : Load
         Load whose values are ``values``.
@@ -123,13 +127,20 @@ def timed_rows(material: Material | Viscoelastic, load: Load, values: np.ndarray
     if not isinstance(material, Viscoelastic):
         if times is not None:
             raise refusal(
-                "times", times, f"{material} is elastic, so no times are allowed: only a Viscoelastic needs them"
+                "times", times, f"{material} has no times, so none are allowed: only a Viscoelastic needs them"
             )
-        if not rubs(load):
+        softens = isinstance(material, Mullins)
+        if not (rubs(load) or softens):
             return LoadHistory()
+        if softens and load.tilts:
+            raise InputError(
+                f"load = {load.name!r} is not allowed with Mullins' effect: memory under a tilting plate is not "
+                "modelled; remove mullins, or use a load without moments."
+            )
         for value in values:
             load.check(value)
-        first = [(0.0, 0.0, values[0][2])] if values[0][:2].any() else []
+        sideways = len(values[0]) == 3 and values[0][:2].any()
+        first = [(0.0, 0.0, values[0][2])] if sideways else []
         return LoadHistory((0.0, tuple(map(float, value))) for value in [*first, *values])
     if load.tilts:
         raise InputError(

@@ -69,7 +69,8 @@ class TimedStates:
     material : Viscoelastic
         The silicone.
     coarsening : int
-        Length of steps under friction, relative to the steps of the path: 1 or 2. See :class:`RowSteps`.
+        Length of steps under friction and with Mullins' effect, relative to the steps of the path: 1 or 2. See
+        :class:`RowSteps`.
     fraction : float
         Reach of the barriers, relative to the default; see :class:`SelfTouchingPad`.
     """
@@ -259,7 +260,7 @@ class TimedStates:
         # The state before, on the part of the pad between the mirrors of all rows: if the load changes as before, its
         # velocity is known, and the rate of its stress.
         variables, velocity = before.variables, None
-        if self._material.prony:
+        if self._material.has_memory:
             variables = variables.on(pad.part, self._path.mesh, earlier.part)
         if np.allclose(rate, before.load.rate, rtol=1e-9, atol=0):
             moving, pressing = np.split(before.shape.velocity, [before.shape.displacement.size])
@@ -335,7 +336,7 @@ class TimedStates:
     @cached_property
     def _rest(self) -> TimeState:
         mesh, pad, components = self._path.mesh, self._pad_for(LoadHistory()), self._path.load.components
-        points = pad.model.assembly.elements.weight.shape if self._material.prony else (0, 0)
+        points = pad.model.assembly.elements.weight.shape if self._material.has_memory else (0, 0)
         nowhere, pressure = np.zeros_like(mesh.points), np.zeros(mesh.corner_count)
         return TimeState(
             time=0.0,
@@ -403,4 +404,6 @@ class TimedStates:
             self._coarsening,
             self._fraction,
         ]
-        return cache.key("timed", path.key_parts, self._material.prony, numerics, rows.digest.hex())
+        softening = self._material.softening
+        memory = self._material.prony, None if softening is None else softening.constants
+        return cache.key("timed", path.key_parts, memory, numerics, rows.digest.hex())

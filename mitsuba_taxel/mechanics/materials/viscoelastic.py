@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from mitsuba_taxel.base.arguments import is_number, is_row, refusal, require
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.mullins import Mullins
 
 LONGEST = 1e30
 """Steps longer than this number of relaxation times are treated as this long."""
@@ -87,10 +88,16 @@ class Viscoelastic(Displayed):
 
     law: Material
     prony: Terms
+    softening: ClassVar[Mullins | None] = None
 
     def __post_init__(self) -> None:
         require("law", self.law, Material, "a Material, such as NeoHookean,")
         object.__setattr__(self, "prony", checked_terms(self.prony))
+
+    @property
+    def has_memory(self) -> bool:
+        """Whether the stress of a point depends on its earlier strains."""
+        return bool(self.prony) or self.softening is not None
 
     @property
     def shares(self) -> np.ndarray:
@@ -130,10 +137,11 @@ class Viscoelastic(Displayed):
 
 @dataclass(frozen=True)
 class Elastic(Viscoelastic):
-    """An elastic silicone as a viscoelastic material without relaxing terms, for friction, where states depend on
-    earlier states."""
+    """A silicone whose states depend on earlier states, but not on time: a viscoelastic material without relaxing
+    terms, for friction and for Mullins' effect."""
 
     prony: Terms = ()
+    softening: Mullins | None = None  # type: ignore[misc]
 
     def __post_init__(self) -> None:
         """Check nothing: there are no terms."""

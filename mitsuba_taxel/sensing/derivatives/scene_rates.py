@@ -336,6 +336,8 @@ def _pad(state: mi.parser.ParserState) -> DeformablePad | None:
     pad = DeformablePad.read(pads[0])
     if pad.build_prony():
         raise InputError("derivatives are not available: the pad is viscoelastic (prony); sweep over the load instead.")
+    if pad.build_mullins():
+        raise InputError("derivatives are not available: the pad has Mullins' effect; sweep over the load instead.")
     if pad.friction:
         raise InputError("derivatives are not available: the indenter has friction; sweep over the load instead.")
     return pad

@@ -17,6 +17,7 @@ from mitsuba_taxel.mechanics import (
     LayerSteps,
     Load,
     Material,
+    Mullins,
     NeoHookean,
     RandomRoughness,
     SeparateFinish,
@@ -39,8 +40,8 @@ class PadSensor(Displayed):
     ----------
     pad : Pad
         The pad.
-    material : Material or Viscoelastic
-        Material law of the silicone, such as `NeoHookean`, or `Viscoelastic` with such a law.
+    material : Material or Viscoelastic or Mullins
+        Material law of the silicone, such as `NeoHookean`, or `Viscoelastic` or `Mullins` with such a law.
     force : sequence of float
         Total force (Fx, Fy, Fz) on the pad, in N; compression is Fz < 0. For `PlateWrench`, the three components of a
         moment in N mm follow.
@@ -55,8 +56,8 @@ class PadSensor(Displayed):
     time : float
         Time at which the load is reached, in s, for a `Viscoelastic` material.
     history : sequence of (float, sequence of float)
-        Earlier times in s and values of the load, linear in between, for a viscoelastic material or an indenter with
-        friction.
+        Earlier times in s and values of the load, linear in between, for a viscoelastic material, one with Mullins'
+        effect, or an indenter with friction.
     finish : LayerSteps or Grooves or RandomRoughness or SeparateFinish, optional
         Texture of roofs and side walls; smooth by default.
 
@@ -67,7 +68,7 @@ class PadSensor(Displayed):
     """
 
     pad: Pad = field(default_factory=Pad)
-    material: Material | Viscoelastic = field(default_factory=NeoHookean)
+    material: Material | Viscoelastic | Mullins = field(default_factory=NeoHookean)
     force: Sequence[float] = (0.0, 0.0, 0.0)
     load: Load = field(default_factory=SpreadForce)
     photo_reflector: PhotoReflector = field(default_factory=PhotoReflector)
@@ -81,7 +82,10 @@ class PadSensor(Displayed):
         check_fields(
             self,
             pad=(Pad, "a Pad"),
-            material=((Material, Viscoelastic), "a Material, such as NeoHookean, or a Viscoelastic"),
+            material=(
+                (Material, Viscoelastic, Mullins),
+                "a Material, such as NeoHookean, a Viscoelastic or a Mullins",
+            ),
             load=(Load, "a load, such as SpreadForce,"),
             photo_reflector=(PhotoReflector, "a PhotoReflector"),
             roof=(Wall, "a Wall"),

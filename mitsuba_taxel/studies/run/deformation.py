@@ -118,7 +118,7 @@ def _written(pad: PadShape, file: Path, vtu: bool) -> dict[str, Any]:
         "board_force_N": board.force.tolist(),
         "board_force_error_N": None if np.isnan(board.force_error) else float(board.force_error),
         "time_s": state.memory and state.memory.time,
-        "time_error": state.memory and state.memory.error,
+        "time_error": state.memory.error if state.memory and state.memory.time is not None else None,
         "roof_error_mm": None if state.error is None else state.error.displacement,
         "slope_error_degrees": None if state.error is None else state.error.slope,
     }
