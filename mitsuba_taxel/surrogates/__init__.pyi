@@ -4,6 +4,9 @@ from .calibration import (
 from .calibration import (
     calibrate as calibrate,
 )
+from .contact_fit import contact_model as contact_model
+from .contact_readings import ContactModel as ContactModel
+from .contact_readings import ContactReadings as ContactReadings
 from .onnx_model import export as export
 from .onnx_model import write_calibration as write_calibration
 from .polynomial import (

@@ -196,6 +196,31 @@ class LinearisedState:
             {block: force for block, force in forces.items() if np.abs(force).max() > NO_PART * largest}
         )
 
+    def by_forces(self, forces: np.ndarray) -> np.ndarray:
+        """Displacement (N, 3) of the nodes by small forces on them, to first order, by one back-solve.
+
+        The load keeps its value: a plate or an indenter whose displacement is prescribed does not move.
+
+        Parameters
+        ----------
+        forces : (N, 3) ndarray
+            Force on each node in N; those on nodes of the board have no effect.
+
+        Returns
+        -------
+        (N, 3) ndarray
+            Displacement of each node, in mm.
+
+        Raises
+        ------
+        InputError
+            if the shape of the array differs, or it is not finite.
+        """
+        forces = array_of("forces", forces, self.displacement.shape)
+        push = {block: block.forces(forces, self._on(block)[0]) for block in self._blocks}
+        largest = max(np.abs(part).max() for part in push.values())
+        return self._response({block: part for block, part in push.items() if np.abs(part).max() > NO_PART * largest})
+
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
         """The vector-Jacobian product: derivatives of a scalar L with respect to load, material and shape, all by one
         back-solve.
@@ -360,6 +385,9 @@ class PressedState(LinearisedState):
             return np.zeros_like(self.displacement)
         rate = super().by_value(shift)
         return self._under_force(rate, float(self._body.force_rate(self._contact_state, shift, np.zeros_like(rate))[2]))
+
+    def by_forces(self, forces: np.ndarray) -> np.ndarray:
+        raise InputError("forces beside that of an indenter are not available: prescribe its displacement.")
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
         """Derivatives of a scalar L with respect to force, material and shape, from its derivatives ``gradient`` (N, 3)

@@ -1,0 +1,125 @@
+"""The model of contact of a scene's pad, from its finite elements and its light at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.surrogates.contact_readings import ContactModel
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.kernels.protocols import PadShape
+    from mitsuba_taxel.mechanics.derivatives.top_compliance import TopGrid
+    from mitsuba_taxel.sensing import Scene
+
+ALONG = 15
+"""Default number of patches along the longer side of the top."""
+ELEMENTS = 1.3
+"""Size of the finite elements, relative to that of the patches: patches much smaller than elements have nearly the same
+displacements, and their compliance is nearly singular."""
+
+
+def contact_model(
+    scene: Scene,
+    depth: float,
+    *,
+    spacing: float | None = None,
+    mesh_size: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> ContactModel:
+    """Make a model of the readings of a pad under bodies of any shape that press on its top.
+
+    It is linear in the contact forces. The compliance of the patches takes one back-solve each; the readings change by
+    the derivatives of the light with respect to the walls.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with one elastic pad at rest, whose top is a plane, and diffuse cells.
+    depth : float
+        Largest depth of the range of the model in mm.
+    spacing : float, optional
+        Approximate side of the patches in mm; by default a fifteenth of the longer side of the top. At most a third of
+        the radius of the smallest contact is needed.
+    mesh_size : float, optional
+        Size of the finite elements in mm; by default 1.3 times that of the patches.
+    progress : Callable[[int, int], None], optional
+        Called with (patches done, all patches).
+
+    Returns
+    -------
+    ContactModel
+        The model.
+
+    Raises
+    ------
+    InputError
+        if the scene has no such pad, or its light needs random paths.
+    ComputationError
+        if the light of the cells is not resolved, or walls occlude it.
+    """
+    from mitsuba_taxel.mechanics import SpreadForce, linearise, load_path
+    from mitsuba_taxel.mechanics.derivatives.top_compliance import patch_responses, top_grid
+    from mitsuba_taxel.sensing import Scene
+    from mitsuba_taxel.sensing.derivatives.wall_gradient import WallGradient
+    from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
+
+    require("scene", scene, Scene, "a Scene")
+    check_progress(progress)
+    for name, value in {"depth": depth, "spacing": spacing, "mesh_size": mesh_size}.items():
+        if not ((value is None and name != "depth") or (is_number(value) and value > 0)):
+            raise refusal(name, value, "a finite length in mm above 0 is needed")
+
+    # The pad at rest with a free top, on elements of about the size of the patches.
+    cells = DiffuseCells(scene.load())
+    pad = cells.pad
+    _refuse_other_pads(pad)
+    spacing = spacing or max(pad.pad.extent[:2]) / ALONG
+    state = load_path(
+        pad.pad, pad.material, [(0.0, 0.0, 0.0)], load=SpreadForce(), mesh_size=mesh_size or ELEMENTS * spacing
+    )[0]
+    grid, weights = top_grid(state.mesh, spacing)
+    light = WallGradient(cells, state)
+    light.refuse_occluded()
+
+    # One back-solve for each patch gives its column of the compliance, and its part of the gradient.
+    compliance, gradient = [], []
+    for done, displacement in enumerate(patch_responses(linearise(state), weights), start=1):
+        compliance.append(-(weights @ displacement[:, 2]))
+        gradient.append(light.along(displacement))
+        if progress is not None:
+            progress(done, weights.shape[0])
+    matrix = np.array(compliance)
+    return ContactModel(
+        x=grid.x,
+        y=grid.y,
+        size=grid.size,
+        height=grid.height,
+        covered=grid.covered,
+        compliance=0.5 * (matrix + matrix.T),
+        rest=light.power,
+        gradient=np.array(gradient).T,
+        largest_depth=float(depth),
+        places=_inner_places(grid),
+    )
+
+
+def _inner_places(grid: TopGrid) -> np.ndarray:
+    """Range (2, 2) of x and y of all patches but those beside the rim."""
+    half = np.array(grid.size)
+    low, high = np.array([grid.x[0], grid.y[-1]]) + 0.5 * half, np.array([grid.x[-1], grid.y[0]]) - 0.5 * half
+    return np.array([low, high])
+
+
+def _refuse_other_pads(pad: PadShape) -> None:
+    """Raise `InputError` for a pad whose contact the model does not describe."""
+    if pad.is_loaded:
+        raise InputError("a model of contact starts from the pad at rest: set the load of the scene to 0.")
+    if pad.prony:
+        raise InputError("a model of contact has no memory: remove prony from the pad.")
+    if pad.load.self_contact:
+        raise InputError("a model of contact leaves out contact of the pad with itself: remove self_contact.")

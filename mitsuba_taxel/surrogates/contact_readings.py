@@ -1,0 +1,189 @@
+"""Readings of a pad from the depth to which bodies of any shape reach into its top: many pads in one call.
+
+The top is divided into patches. Their compliance gives the contact forces (`contact_pressures`), and the readings
+change by the gradient along these forces. Both are those of the pad at rest, to first order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.surrogates.contact_pressures import contact_forces
+
+NOT_A_NUMBER, TOO_DEEP, TOO_FAR, NOT_RESOLVED, NOT_SOLVED = 1, 2, 4, 8, 16
+"""Bits of the status of a touch: a depth that is not a number, or is infinite; a depth beyond the largest of the model;
+a centre of pressure beyond its places; contact of few patches, unless it is light; contact that was not solved."""
+FEW_PATCHES, LIGHT = 4, 0.25
+"""Number of patches below which contact is not resolved, and fraction of the largest depth up to which such a touch is
+light: its forces are wrong by a fifth and more, but small."""
+
+
+class ContactReadings(NamedTuple):
+    """Results for B touches of a pad with T taxels.
+
+    Attributes
+    ----------
+    power : (B, T) ndarray
+        Readings in W.
+    force : (B, 3) ndarray
+        Force of the bodies on the pad in N; compression is z < 0.
+    moment : (B, 3) ndarray
+        Moment of this force in N mm, about the centre of the pad's bottom.
+    centre : (B, 2) ndarray
+        Centre of pressure, x and y in mm; NaN without contact.
+    area : (B,) ndarray
+        Area in mm² of the patches in contact.
+    pressure : (B, rows, columns) ndarray
+        Mean contact pressure of each patch in MPa.
+    status : (B,) ndarray of int
+        0 within the range of the model; otherwise the sum of `NOT_A_NUMBER` 1, `TOO_DEEP` 2, `TOO_FAR` 4,
+        `NOT_RESOLVED` 8 and `NOT_SOLVED` 16. With 1 or 16, the other results are NaN; else they are extrapolated, or
+        inaccurate.
+    """
+
+    power: np.ndarray
+    force: np.ndarray
+    moment: np.ndarray
+    centre: np.ndarray
+    area: np.ndarray
+    pressure: np.ndarray
+    status: np.ndarray
+
+    @property
+    def inside(self) -> np.ndarray:
+        """Whether each touch (B,) is within the range of the model."""
+        return self.status == 0
+
+
+@dataclass(frozen=True, eq=False)
+class ContactModel(Displayed):
+    """Readings of a pad under bodies that press on its top, without friction, from maps of their depths.
+
+    Attributes
+    ----------
+    x : (columns,) ndarray
+        Centres of the columns of patches in mm, ascending.
+    y : (rows,) ndarray
+        Centres of the rows in mm, descending.
+    size : (float, float)
+        Size of a patch along x and y in mm.
+    height : float
+        Height of the undeformed top above the board in mm.
+    covered : (rows, columns) ndarray of bool
+        Patches that lie on the top: m in all.
+    compliance : (m, m) ndarray
+        Mean normal displacement of each patch in mm, per N on each.
+    rest : (T,) ndarray
+        Readings at rest in W.
+    gradient : (T, m) ndarray
+        Change of the readings in W per N on each patch.
+    largest_depth : float
+        Largest depth of the range of the model in mm.
+    places : (2, 2) ndarray
+        Range of the centre of pressure in mm: its lowest, then its highest x and y.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    size: tuple[float, float]
+    height: float
+    covered: np.ndarray
+    compliance: np.ndarray
+    rest: np.ndarray
+    gradient: np.ndarray
+    largest_depth: float
+    places: np.ndarray
+
+    @property
+    def points(self) -> np.ndarray:
+        """Points (rows, columns, 3) of a depth map in mm, in the frame of the pad: the centres of the patches."""
+        x, y = np.meshgrid(self.x, self.y)
+        return np.stack([x, y, np.full_like(x, self.height)], axis=-1)
+
+    def __call__(self, depth: np.ndarray) -> ContactReadings:
+        """Compute readings and forces from maps of depths.
+
+        Parameters
+        ----------
+        depth : (B, rows, columns) or (rows, columns) ndarray
+            How far bodies reach below the undeformed top at each of `points`, in mm, as if the pad were not there: B
+            maps, of one pad each. It may be 0 or negative where there is no body.
+
+        Returns
+        -------
+        ContactReadings
+            Results; B is 1 for a single map.
+
+        Raises
+        ------
+        InputError
+            if the map has another grid.
+        """
+        # Forces on the patches.
+        depth = self._checked(depth)
+        deepest = depth.max(axis=(1, 2))
+        forces = contact_forces(self.compliance, self._means(depth)[:, self.covered])
+        solved = np.isfinite(forces).all(axis=1)
+
+        # Their sum, and their moments about the x and y axes.
+        points, area = self.points[self.covered][:, :2], self.size[0] * self.size[1]
+        total, about, patches = forces.sum(axis=1), forces @ points, np.count_nonzero(forces > 0, axis=1)
+        centre = about / np.where(total > 0, total, np.nan)[:, None]
+        zero = 0 * total  # NaN where that is
+        pressure = np.zeros(depth.shape)
+        pressure[:, self.covered] = forces / area
+
+        # Which touches are beyond the range of the model.
+        finite = np.isfinite(depth).all(axis=(1, 2))
+        far = (centre < self.places[0]) | (centre > self.places[1])
+        few = (patches > 0) & (patches < FEW_PATCHES) & (deepest > LIGHT * self.largest_depth)
+        flags = {
+            NOT_A_NUMBER: ~finite,
+            TOO_DEEP: deepest > self.largest_depth,
+            TOO_FAR: far.any(axis=1),
+            NOT_RESOLVED: few,
+            NOT_SOLVED: finite & ~solved,
+        }
+        status = sum(np.where(flag, bit, 0) for bit, flag in flags.items())
+        return ContactReadings(
+            power=self.rest + forces @ self.gradient.T,
+            force=np.stack([zero, zero, -total], axis=1),
+            moment=np.stack([-about[:, 1], about[:, 0], zero], axis=1),
+            centre=centre,
+            area=area * patches + zero,
+            pressure=pressure,
+            status=np.asarray(status),
+        )
+
+    def _checked(self, depth: np.ndarray) -> np.ndarray:
+        """The maps as an array (B, rows, columns); raises `InputError`."""
+        try:
+            maps = np.asarray(depth, dtype=float)
+        except (TypeError, ValueError):
+            maps = np.zeros(0)
+        maps = maps[None] if maps.ndim == 2 else maps
+        if maps.ndim != 3 or maps.shape[1:] != self.covered.shape:
+            rows, columns = self.covered.shape
+            raise InputError(
+                f"depth of shape {np.shape(depth)} is not allowed: maps of {rows} rows and {columns} columns are "
+                "needed, at the points of the model."
+            )
+        return maps
+
+    def _means(self, depth: np.ndarray) -> np.ndarray:
+        """Mean depths of the patches from those at their centres: with the second differences, which are 24 times the
+        difference, where both neighbours lie below the body."""
+        means = depth.copy()
+        for axis in (1, 2):
+            if depth.shape[axis] < 3:
+                continue
+            maps, into = np.moveaxis(depth, axis, -1), np.moveaxis(means, axis, -1)
+            before, own, after = maps[..., :-2], maps[..., 1:-1], maps[..., 2:]
+            below = (before > 0) & (own > 0) & (after > 0)
+            into[..., 1:-1] += np.where(below, (before - 2 * own + after) / 24, 0.0)
+        return means
