@@ -60,6 +60,49 @@ class ContactReadings(NamedTuple):
         return self.status == 0
 
 
+class SecondOrder(NamedTuple):
+    """Second-order terms, relative to the linear change of each reading and to the linear force; see `second_order`.
+
+    Attributes
+    ----------
+    reading : (T, 2) ndarray
+        Coefficients of the relative change of the reading, and of the greatest depth over the height of the pad.
+    force : (2,) ndarray
+        Coefficients of the greatest depth, and of the square root of the area of contact, over the height of the pad.
+    """
+
+    reading: np.ndarray
+    force: np.ndarray
+
+
+class LearntErrors(NamedTuple):
+    """Errors of a model on full solutions of bodies that were left out of its fit.
+
+    Attributes
+    ----------
+    bodies, states : int
+        Number of bodies, and of their states.
+    reading_rms, reading_worst : float
+        Error of the readings, relative to the largest change of the taxel: root mean square for the worst taxel, and
+        the largest of all.
+    force_rms, force_worst : float
+        Error of the force vector, relative to the largest force. Its tangential part is not modelled.
+    moment_rms : float
+        Error of the moments about x and y in N mm.
+    force_full_scale : float
+        Largest normal force of the states in N.
+    """
+
+    bodies: int
+    states: int
+    reading_rms: float
+    reading_worst: float
+    force_rms: float
+    force_worst: float
+    moment_rms: float
+    force_full_scale: float
+
+
 @dataclass(frozen=True, eq=False)
 class ContactModel(Displayed):
     """Readings of a pad under bodies that press on its top, without friction, from maps of their depths.
@@ -86,6 +129,10 @@ class ContactModel(Displayed):
         Largest depth of the range of the model in mm.
     places : (2, 2) ndarray
         Range of the centre of pressure in mm: its lowest, then its highest x and y.
+    second : SecondOrder or None
+        Second-order terms; None for a linear model.
+    errors : LearntErrors or None
+        Errors on bodies that were left out; None for a linear model, whose error is not known.
     """
 
     x: np.ndarray
@@ -98,6 +145,8 @@ class ContactModel(Displayed):
     gradient: np.ndarray
     largest_depth: float
     places: np.ndarray
+    second: SecondOrder | None = None
+    errors: LearntErrors | None = None
 
     @property
     def points(self) -> np.ndarray:
@@ -131,9 +180,18 @@ class ContactModel(Displayed):
         solved = np.isfinite(forces).all(axis=1)
 
         # Their sum, and their moments about the x and y axes.
+        change = forces @ self.gradient.T
         points, area = self.points[self.covered][:, :2], self.size[0] * self.size[1]
         total, about, patches = forces.sum(axis=1), forces @ points, np.count_nonzero(forces > 0, axis=1)
         centre = about / np.where(total > 0, total, np.nan)[:, None]
+        if self.second is not None:
+            # Second-order terms; all forces of a touch change in proportion.
+            deep = np.maximum(deepest, 0.0) / self.height
+            wide = np.sqrt(area * patches) / self.height
+            terms = self.second.reading
+            change = change * (1 + change / self.rest * terms[:, 0] + deep[:, None] * terms[:, 1])
+            ratio = 1 + np.stack([deep, wide], axis=1) @ self.second.force
+            forces, total, about = forces * ratio[:, None], total * ratio, about * ratio[:, None]
         zero = 0 * total  # NaN where that is
         pressure = np.zeros(depth.shape)
         pressure[:, self.covered] = forces / area
@@ -151,7 +209,7 @@ class ContactModel(Displayed):
         }
         status = sum(np.where(flag, bit, 0) for bit, flag in flags.items())
         return ContactReadings(
-            power=self.rest + forces @ self.gradient.T,
+            power=self.rest + change,
             force=np.stack([zero, zero, -total], axis=1),
             moment=np.stack([-about[:, 1], about[:, 0], zero], axis=1),
             centre=centre,

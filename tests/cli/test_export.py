@@ -6,9 +6,11 @@ import json
 
 import numpy as np
 import pytest
+from made_up_contact import linear_model, made_up
 from pages import assert_on_its_page
 
 from mitsuba_taxel import sweep
+from mitsuba_taxel.surrogates import contact_export, read_contact_model
 
 
 def test_the_program_exports_a_study(taxel, tmp_path):
@@ -21,6 +23,35 @@ def test_the_program_exports_a_study(taxel, tmp_path):
     about = json.loads(taxel("export", "out", "-o", "plate.onnx", "--json").stdout)
     assert about["inputs"] == ["offset_x", "z"] and about["high"] == [0.2, 0.9]
     for words in (("nowhere",), ("out", "-o", "plate.pt")):
+        done = taxel("export", *words)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+
+
+def test_the_program_exports_the_contact_of_a_pad(taxel, tmp_path, monkeypatch):
+    """Solutions are made up, with a second order and an error of 2 %; they are kept for the next call."""
+    linear, calls = linear_model(), []
+    solved = {one.touch: one for one in made_up(linear, 40, (0.8, 0.0), (0.0, 0.0), noise=0.02)}
+
+    def solve(touch):
+        calls.append(touch)
+        return solved[touch]
+
+    monkeypatch.setattr(contact_export, "contact_model", lambda scene, depth, **options: linear)
+    monkeypatch.setattr(contact_export, "_solver", lambda scene: solve)
+    done = taxel("export", "--contact", "--depth", "0.4", "--error", "2%", "pad.xml")
+    assert done.returncode == 0 and done.stderr == "" and "11 x 11 patches of 0.4 x 0.4 mm" in done.stdout
+    model, first = read_contact_model(tmp_path / "contact.npz"), len(calls)
+    assert model.errors.bodies == first >= 8 and model.errors.reading_rms <= 0.02
+    done = taxel("export", "--contact", "--depth", "0.4", "--error", "0.01%", "pad.xml", "-o", "contact.npz", "--json")
+    about = json.loads(done.stdout)
+    assert done.returncode == 3 and about["errors"]["bodies"] == len(calls) == 40
+    assert any("target of 0.01% is not reached" in note for note in about["notes"])
+    for words in (
+        ("--contact", "pad.xml"),
+        ("--depth", "0.4", "out"),
+        ("--contact", "--depth", "0.4", "pad.xml", "-o", "pad.onnx"),
+        ("-D", "fz=1", "out"),
+    ):
         done = taxel("export", *words)
         assert done.returncode == 2 and done.stderr.count("\n") == 1
 

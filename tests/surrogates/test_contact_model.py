@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from mitsuba_taxel import InputError, PadSensor
+from mitsuba_taxel import InputError, PadSensor, measure
 from mitsuba_taxel.mechanics import (
     DeadForce,
     Indenter,
@@ -25,6 +25,7 @@ from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 from mitsuba_taxel.specification.wall import Wall
 from mitsuba_taxel.surrogates import ContactModel, contact_model
 from mitsuba_taxel.surrogates.contact_readings import NOT_A_NUMBER, NOT_RESOLVED, NOT_SOLVED, TOO_DEEP, TOO_FAR
+from mitsuba_taxel.surrogates.contact_states import Touch, solved_touch
 
 PAD, SILICONE, SPACING, SIZE = Pad("parallelepiped", rows=1, columns=1), NeoHookean(0.3, 0.49), 0.455, 0.7
 SENSOR = PadSensor(pad=PAD, material=SILICONE)
@@ -156,3 +157,18 @@ def test_gradients_are_differences_of_readings_of_the_batch(model):
     inverse = np.linalg.inv(model.compliance[np.ix_(touching, touching)])
     assert change == pytest.approx((model.gradient[:, touching] @ inverse).sum(axis=1), rel=1e-6)
     assert isinstance(model, ContactModel)
+
+
+def test_full_solutions_are_those_of_a_scene_with_the_body():
+    """The same depth in a scene of its own: readings as `measure` gives them, and the reaction of the pad."""
+    silicone = NeoHookean(0.5, 0.49)
+    sensor = PadSensor(pad=PAD, material=silicone)
+    touch = Touch("sphere", 3.0, 0.0, 0.0, 0.0, 0.3)
+    solved = solved_touch(DiffuseCells(sensor.scene().load()), touch)
+    pressed = replace(sensor, force=(0, 0, -0.3), load=IndenterDisplacement(touch.indenter()))
+    readings = measure(pressed.scene(), mechanics_error=False)
+    assert solved.power[1] == pytest.approx(readings.power, rel=3e-3)
+    assert solved.force[1][2] < solved.force[0][2] < 0
+    state = load_path(PAD, silicone, [(0, 0, -0.3)], load=IndenterDisplacement(touch.indenter()))[0]
+    reaction = reactions(state).applied_force
+    assert solved.force[1] == pytest.approx(reaction, abs=1e-6 * abs(reaction[2]))

@@ -1,4 +1,4 @@
-"""`taxel export`: a study as a fast model."""
+"""`taxel export`: a study, or the contact of a pad, as a fast model."""
 
 from __future__ import annotations
 
@@ -6,20 +6,63 @@ from pathlib import Path
 
 import click
 
-from ..options import debug_option, json_option, output_option
+from ..options import Fraction, NewFile, debug_option, defines_option, json_option
 
 
 @click.command(short_help="A study as a fast model for simulators (ONNX).")
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-@output_option("model.onnx", "The model.")
+@click.argument("source", metavar="DIR|SCENE", type=click.Path(path_type=Path))
+@click.option(
+    "-o", "--output", type=NewFile(".onnx", ".npz"), metavar="FILE", show_default="model.onnx, or contact.npz",
+    help="The model.",
+)  # fmt: skip
+@click.option("--contact", is_flag=True, help="Model the readings over maps of the depth of any body that touches.")
+@click.option("--depth", type=float, metavar="MM", help="With --contact: largest depth of bodies below the top, in mm.")
+@click.option(
+    "--error", type=Fraction(), metavar="SHARE", show_default="1%",
+    help="With --contact: largest error of readings on bodies left out, root mean square relative to their largest "
+    "change. If it is not reached, the exit code is 3.",
+)  # fmt: skip
+@click.option(
+    "--spacing", type=float, metavar="MM", show_default="1/15 of the longer side",
+    help="With --contact: side of the patches of the top, in mm.",
+)  # fmt: skip
+@defines_option
 @json_option
 @debug_option
-def command(folder: Path, output: Path, as_json: bool) -> None:
+@click.pass_context
+def command(
+    ctx: click.Context,
+    source: Path,
+    output: Path | None,
+    contact: bool,
+    depth: float | None,
+    error: float | None,
+    spacing: float | None,
+    defines: dict[str, str],
+    as_json: bool,
+) -> None:
     """Fit a model to the readings of the study in DIR, as a function of its varied parameters, and write it as ONNX.
 
     The model is a polynomial, cross-validated on whole paths; for a study with a circuit it also computes voltages and
     counts. Its output `inside` is false for inputs outside the ranges of the study. The file states units and errors.
+
+    With --contact, model the pad of SCENE under bodies of any shape, from maps of their depth below its top: readings,
+    force, centre of pressure and area of contact. Balls and rods are solved until the error is reached; an interrupted
+    run goes on where it was. Read the file with `mitsuba_taxel.surrogates.read_contact_model`.
     """
+    if contact:
+        if depth is None:
+            raise click.UsageError("--contact needs --depth, the largest depth in mm.", ctx)
+        _export_contact(ctx, source, output, depth, error or 0.01, spacing, defines, as_json)
+        return
+    given = {"--depth": depth, "--error": error, "--spacing": spacing, "-D": defines or None}
+    for name, value in given.items():
+        if value is not None:
+            raise click.UsageError(f"{name} needs --contact.", ctx)
+    _export_study(source, output or Path("model.onnx"), as_json)
+
+
+def _export_study(folder: Path, output: Path, as_json: bool) -> None:
     from mitsuba_taxel import open_study
     from mitsuba_taxel.surrogates import export
     from mitsuba_taxel.surrogates.wording import printed_model
@@ -34,3 +77,36 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
         return
     print_result(printed_model(files, notes))
     say(f"Results: {output}")
+
+
+def _export_contact(
+    ctx: click.Context,
+    scene: Path,
+    output: Path | None,
+    depth: float,
+    error: float,
+    spacing: float | None,
+    defines: dict[str, str],
+    as_json: bool,
+) -> None:
+    from mitsuba_taxel import Scene
+    from mitsuba_taxel.surrogates import export_contact
+
+    from ..tables import print_json, progress_bar, say
+
+    output = output or Path("contact.npz")
+    with progress_bar("patches, then bodies") as progress:
+        model, notes = export_contact(
+            Scene(scene, defines), output, depth, error=error, spacing=spacing, progress=progress
+        )
+    rows, columns = model.covered.shape
+    if as_json:
+        errors = model.errors._asdict() if model.errors else None
+        print_json({"rows": rows, "columns": columns, "errors": errors, "notes": notes, "file": str(output)})
+    else:
+        say(f"{rows} x {columns} patches of {model.size[0]:.3g} x {model.size[1]:.3g} mm, to {depth:g} mm.")
+        for note in notes:
+            say(note)
+        say(f"Results: {output}")
+    if model.errors and model.errors.reading_rms > error:
+        ctx.exit(3)

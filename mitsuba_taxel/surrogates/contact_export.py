@@ -1,0 +1,262 @@
+"""Models of contact with second-order terms, from as many full solutions as their error needs, as files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import fields
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mitsuba_taxel.base.arguments import is_number, is_whole, path_of, refusal
+from mitsuba_taxel.base.errors import ComputationError, InputError
+from mitsuba_taxel.base.files.atomic import replacing
+from mitsuba_taxel.base.left_out import LEFT_OUT
+from mitsuba_taxel.surrogates.contact_fit import contact_model
+from mitsuba_taxel.surrogates.contact_readings import ContactModel, LearntErrors, SecondOrder
+from mitsuba_taxel.surrogates.contact_states import SolvedTouch, StateFile, Touch, solved_touch, touches
+from mitsuba_taxel.surrogates.second_order import with_second_order
+
+if TYPE_CHECKING:
+    from mitsuba_taxel.sensing import Scene
+
+FIRST, FURTHER, MOST = 8, 4, 40
+"""Number of bodies that are solved first, then each time while the error is too large, and at most."""
+FORMAT = 1
+"""Version of the file format."""
+UNITS = {
+    "x": "mm, centres of the columns",
+    "y": "mm, centres of the rows, descending",
+    "size": "mm, of a patch along x and y",
+    "height": "mm, of the undeformed top above the board",
+    "covered": "whether a patch lies on the top",
+    "compliance": "mm/N, mean displacement of a covered patch by a force on each, row by row",
+    "rest": "W, readings at rest, row by row from (-x, +y)",
+    "gradient": "W/N, by the force on each covered patch",
+    "largest_depth": "mm",
+    "places": "mm, lowest and highest centre of pressure, x and y",
+    "second_reading": "1, factors of the relative change, and of depth over height",
+    "second_force": "1, factors of depth over height, and of the root of the area over height",
+}
+"""Arrays of a file, with their units."""
+
+
+def export_contact(
+    scene: Scene,
+    file: str | Path,
+    depth: float,
+    *,
+    error: float = 0.01,
+    spacing: float | None = None,
+    mesh_size: float | None = None,
+    most: int = MOST,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[ContactModel, list[str]]:
+    """Write a model of contact of a scene's pad, for bodies of any shape, with its error on bodies left out.
+
+    The linear model is that of :func:`contact_model`. Balls and rods at places and depths within its range are solved
+    in full, until second-order terms learnt from them predict the readings of those left out to ``error``. Solved
+    states are kept in a file beside the model, so that a run that is repeated goes on where it was interrupted.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with one elastic pad at rest, whose top is a plane, and diffuse cells.
+    file : str or Path
+        Output file, whose name must end in ``.npz``.
+    depth : float
+        Largest depth in mm.
+    error : float
+        Target for the error of the readings, root mean square relative to their largest change.
+    spacing, mesh_size : float, optional
+        Sides of the patches, and size of the finite elements in mm, as of :func:`contact_model`.
+    most : int
+        Largest number of bodies.
+    progress : Callable[[int, int], None], optional
+        Called with (patches or bodies done, all of them).
+
+    Returns
+    -------
+    model : ContactModel
+        Contents of the file.
+    notes : list[str]
+        What the errors are, and what they leave out.
+
+    Raises
+    ------
+    InputError
+        if the scene has no such model, or a value is not allowed.
+    ComputationError
+        if too few bodies can be solved, as where a roof touches its package before the depth is reached.
+    """
+    file = _model_file(file)
+    if not (is_number(error) and 0 < error < 1):
+        raise refusal("error", error, "a number above 0 and below 1 is needed")
+    if not (is_whole(most) and most >= FIRST):
+        raise refusal("most", most, f"a whole number of bodies of at least {FIRST} is needed")
+    model = contact_model(scene, depth, spacing=spacing, mesh_size=mesh_size, progress=progress)
+    states = StateFile(file.with_suffix(".states.json"), model)
+    solve = _solver(scene)
+
+    # More bodies, until those left out are predicted well enough.
+    solved, failed = list[SolvedTouch](), list[str]()
+    count, learnt = 0, model
+    while count < most:
+        further = touches(model, most)[count : count + (FURTHER if count else FIRST)]
+        for touch in further:
+            result = states.of(touch, solve)
+            solved, failed = (solved, [*failed, result]) if isinstance(result, str) else ([*solved, result], failed)
+            count += 1
+            if progress is not None:
+                progress(count, most)
+        if len(solved) >= FIRST:
+            learnt = with_second_order(model, solved)
+            assert learnt.errors is not None
+            if learnt.errors.reading_rms <= error:
+                break
+    if learnt.errors is None:
+        raise ComputationError(
+            f"only {len(solved)} of {count} bodies could be solved to depths of up to {depth:g} mm: a smaller depth is "
+            f"needed. The last one failed: {failed[-1]}"
+        )
+    write_contact_model(learnt, file, {"scene": scene.name, "parameters": dict(scene.parameters)})
+    return learnt, contact_notes(learnt, error, failed)
+
+
+def _solver(scene: Scene) -> Callable[[Touch], SolvedTouch]:
+    """Function that solves a touch in full; it loads the scene when it is first called."""
+    from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
+
+    loaded = list[DiffuseCells]()
+
+    def solve(touch: Touch) -> SolvedTouch:
+        if not loaded:
+            loaded.append(DiffuseCells(scene.load()))
+        return solved_touch(loaded[0], touch)
+
+    return solve
+
+
+def contact_notes(model: ContactModel, error: float, failed: list[str]) -> list[str]:
+    """Sentences about the errors of a model.
+
+    Parameters
+    ----------
+    model : ContactModel
+        A model with second-order terms.
+    error : float
+        Target for the error of the readings.
+    failed : list[str]
+        Reasons why bodies could not be solved.
+
+    Returns
+    -------
+    list[str]
+        Sentences.
+    """
+    errors = model.errors
+    assert errors is not None
+    notes = [
+        f"readings: error {errors.reading_rms:.2%} of full scale (at worst {errors.reading_worst:.2%}), on "
+        f"{errors.bodies} balls and rods, {errors.states} states, left out one by one",
+        f"force: error {errors.force_rms:.2%} of {errors.force_full_scale:.3g} N (at worst {errors.force_worst:.2%}), "
+        "including its tangential part, which the model leaves out",
+        f"moments about x and y: error {errors.moment_rms:.2g} N mm",
+        "errors of the finite elements are not included; the largest force and the largest change of each taxel are "
+        "full scale, so that light touches have larger relative errors",
+    ]
+    if failed:
+        notes.append(f"{len(failed)} bodies could not be solved and are left out; the last one: {failed[-1]}")
+    if errors.reading_rms > error:
+        notes.append(
+            f"the target of {error:.2%} is not reached: smaller patches (spacing) or a smaller depth reduce the error"
+        )
+    return [*notes, LEFT_OUT["model"]]
+
+
+def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, Any] | None = None) -> None:
+    """Write a model of contact as an ``.npz`` file of `numpy`, with units and errors as JSON in its array ``about``.
+
+    Parameters
+    ----------
+    model : ContactModel
+        The model.
+    file : str or Path
+        Output file, whose name must end in ``.npz``.
+    about : dict, optional
+        Further entries of ``about``, such as the name of the scene.
+
+    Raises
+    ------
+    InputError
+        if the name has another ending.
+    """
+    file = _model_file(file)
+    arrays = {
+        name.name: np.asarray(getattr(model, name.name))
+        for name in fields(model)
+        if name.name not in ("second", "errors")
+    }
+    if model.second is not None:
+        arrays |= {"second_reading": model.second.reading, "second_force": model.second.force}
+    text = {
+        "format": FORMAT,
+        "units": {name: UNITS[name] for name in arrays},
+        "input": "depth map (rows, columns) in mm: how far bodies reach below the undeformed top at each patch centre",
+        "errors": None if model.errors is None else model.errors._asdict(),
+        "errors_leave_out": LEFT_OUT["model"],
+        "version": version("mitsuba_taxel"),
+        **(about or {}),
+    }
+    with replacing(file) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, about=np.array(json.dumps(text)), **arrays)
+
+
+def read_contact_model(file: str | Path) -> ContactModel:
+    """Read a model of contact from its file.
+
+    Parameters
+    ----------
+    file : str or Path
+        File of :func:`write_contact_model` or ``taxel export --contact``.
+
+    Returns
+    -------
+    ContactModel
+        The model.
+
+    Raises
+    ------
+    InputError
+        if there is no such file, or it is of another kind or a later version.
+    """
+    path = path_of("file", file)
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+        about = json.loads(str(arrays.pop("about")))
+        later = about["format"] > FORMAT
+    except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+        raise InputError(f"{path} is no model of contact: a file of taxel export --contact is needed.") from error
+    if later:
+        raise InputError(f"{path} is of a later version of the format ({about['format']}): a newer program is needed.")
+    try:
+        second = None
+        if "second_reading" in arrays:
+            second = SecondOrder(arrays.pop("second_reading"), arrays.pop("second_force"))
+        width, depth = arrays.pop("size").tolist()
+        scalars = {name: float(arrays.pop(name)) for name in ("height", "largest_depth")}
+        errors = None if about["errors"] is None else LearntErrors(**about["errors"])
+        return ContactModel(size=(width, depth), second=second, errors=errors, **scalars, **arrays)
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no complete model of contact: export it again.") from error
+
+
+def _model_file(file: str | Path) -> Path:
+    path = path_of("file", file)
+    if path.suffix != ".npz":
+        raise refusal("file", str(path), "a name that ends in .npz is needed")
+    return path
