@@ -40,12 +40,14 @@ def cycle(
     late: float = 0.0,
     friction: float = 0.0,
     mesh_size: float | None = None,
+    mullins: str = "",
 ) -> xr.Dataset:
     """Compute force and readings along a loading cycle of the measured duration, from rest to rest, as a dataset over
     ``row`` with the coordinate ``travel``.
 
-    The record begins at a travel of ``late`` mm. Without Prony terms, the pad is elastic. The last row of the cycle, at
-    travel 0, is not computed, because the indenter leaves the pad there.
+    The record begins at a travel of ``late`` mm. Without Prony terms, the pad is elastic, or has Mullins' effect with
+    the constants ``mullins``, the second relative to the modulus. The last row of the cycle, at travel 0, is not
+    computed, because the indenter leaves the pad there.
     """
     fraction = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
     times = measured.CYCLE_SECONDS / 2 * np.arange(1, 2 * STEPS) / STEPS
@@ -54,7 +56,7 @@ def cycle(
         TimedTravel(round(float(t), 6), round(float(s) * largest_travel, 6))
         for t, s in zip(times, fraction, strict=True)
     ]
-    return _path(store, "cycle", press, prony, rows, bench_pad.POINTS, friction, mesh_size)
+    return _path(store, "cycle", press, prony, rows, bench_pad.POINTS, friction, mesh_size, mullins)
 
 
 def hold_and_release(
@@ -78,17 +80,22 @@ def _path(
     points: int,
     friction: float = 0.0,
     mesh_size: float | None = None,
+    mullins: str = "",
 ) -> xr.Dataset:
     size = mesh_size or bench_pad.MESH_SIZE
     terms = "; ".join(f"{weight:.5g} {time:g}" for weight, time in prony)
     request = {**press._asdict(), "prony": terms, "rows": rows, "points": points, "friction": friction}
     request |= {"mesh_size": size}
     settings = ("rubbed" if friction else "", f"on {size:g}" if mesh_size else "")
+    if mullins:
+        request |= {"mullins": mullins}
+        position = press.name.partition("_at_")[2]
+        settings = (*settings, f"softened {mullins}", f"at {position}" if position else "")
     name = "_".join(word for word in (kind, *settings, *terms.split("; ")) if word)
     return store.study(
         f"pressed/{name.replace(' ', '_in_')}",
         request,
-        lambda: _computed(store, press, terms, rows, points, friction, size),
+        lambda: _computed(store, press, terms, rows, points, friction, size, mullins),
     )
 
 
@@ -100,6 +107,7 @@ def _computed(
     points: int,
     friction: float,
     mesh_size: float,
+    mullins: str = "",
 ) -> xr.Dataset:
     file = store.folder / "pressed" / "pad.xml"
     bench_pad.write_scene(file)
@@ -108,6 +116,7 @@ def _computed(
         "prony": terms,
         "youngs_modulus": 1 / (1 - sum(shares)),
         "friction": friction,
+        "mullins": mullins,
         "mesh_size": mesh_size,
     }
     at_rest = measure(Scene(file, defines), points=points, mechanics_error=False)
