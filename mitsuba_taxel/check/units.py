@@ -1,4 +1,5 @@
-"""Numbers that are probably in the wrong unit: mm, N, MPa, nm and degrees are needed."""
+"""Numbers that are probably in the wrong unit (mm, N, MPa, nm and degrees are needed), and loads that miss the pad or
+an effect."""
 
 from __future__ import annotations
 
@@ -55,7 +56,7 @@ def unusual(parameter: Parameter, value: float) -> str:
 
 
 def check_units(objects: SceneObjects) -> Iterator[Finding]:
-    """Find numbers that are probably in another unit, loads that pull, and loads that miss the pad."""
+    """Find numbers that are probably in another unit, loads that pull or miss the pad, and missing earlier loads."""
     for obj in objects.all:
         specification = specifications()[obj.plugin].values() if obj.plugin in specifications() else {}
         for name, parameter in specification.items():
@@ -65,6 +66,7 @@ def check_units(objects: SceneObjects) -> Iterator[Finding]:
             yield from _angle_in_radians(obj)
         if obj.plugin == PAD and obj.instance is not None:
             yield from _unusual_load(obj)
+            yield from _without_earlier_load(obj)
 
 
 def _unusual_values(obj: SceneObject, parameter: Parameter) -> Iterator[Finding]:
@@ -98,6 +100,17 @@ def _unusual_load(obj: SceneObject) -> Iterator[Finding]:
     for reason in (_pull(load.quantity, value), _size(load.quantity, value, pad), _miss(load, value, pad)):
         if reason:
             yield obj.finding("warning", f"{quantity} {reason}.", load.quantity)
+
+
+def _without_earlier_load(obj: SceneObject) -> Iterator[Finding]:
+    """Note that Mullins' effect hardly changes a first loading."""
+    specification = obj.instance.specification
+    if specification.mullins.strip() and not specification.history.strip():
+        message = (
+            "mullins hardly changes a first loading: history, the earlier loads, is needed, or steps with a column "
+            "time."
+        )
+        yield obj.finding("note", message, "mullins")
 
 
 def _pull(quantity: str, value: np.ndarray) -> str:

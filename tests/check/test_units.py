@@ -66,6 +66,14 @@ def test_other_loads(tmp_path, load, message):
     assert message is None or message in found[0].message
 
 
+@pytest.mark.parametrize(("history", "noted"), [("", True), ("1 0 0 -6", False)])
+def test_a_first_loading_with_mullins_effect(tmp_path, history, noted):
+    effect = parameter("mullins", "2 0.02", "string") + parameter("history", history, "string")
+    found = check(tmp_path, change(PAD, IN_PAD, effect))
+    assert [finding.severity for finding in found] == ["note"] * noted
+    assert not noted or "hardly changes a first loading: history" in found[0].message
+
+
 @pytest.mark.parametrize(("x", "y", "beside"), [(20.0, 0.0, True), (0.0, -6.0, True), (1.0, 2.0, False)])
 def test_a_force_beside_a_tilting_plate(tmp_path, x, y, beside):
     kind = parameter("load", "plate_wrench", "string") + parameter("load_x", x) + parameter("load_y", y)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray as xr
 
-    from mitsuba_taxel.mechanics import Material, Viscoelastic
+    from mitsuba_taxel.mechanics import Material, Mullins, Viscoelastic
     from mitsuba_taxel.mechanics.continuation.state import State
     from mitsuba_taxel.mechanics.materials.silicones import Silicone
     from mitsuba_taxel.pads import Block, Pad, PadFile
@@ -132,13 +132,22 @@ def _viscoelastic_html(silicone: Viscoelastic) -> str:
     return _material_html(silicone.law) + memory
 
 
-def _material_html(material: Material | Viscoelastic) -> str:
+def _mullins_html(silicone: Mullins) -> str:
+    """The law of the first loading, and the constants of Mullins' effect."""
+    rows = zip(("r", "m", "beta"), (f"{value:.6g}" for value in silicone.constants), ("", "MPa", ""), strict=True)
+    softening = _framed("Mullins' effect", _table(("constant", "value", "unit"), rows))
+    return _material_html(silicone.law) + softening
+
+
+def _material_html(material: Material | Viscoelastic | Mullins) -> str:
     """A law, its constants, and the moduli computed from them."""
-    from mitsuba_taxel.mechanics import Viscoelastic
+    from mitsuba_taxel.mechanics import Mullins, Viscoelastic
     from mitsuba_taxel.parameters import parameters_of
 
     if isinstance(material, Viscoelastic):
         return _viscoelastic_html(material)
+    if isinstance(material, Mullins):
+        return _mullins_html(material)
     law = (type(material).__doc__ or "").strip().splitlines()[0].rstrip(".")
     units = {name: parameter.unit for name, parameter in parameters_of(type(material)).items()}
     rows = [(name, f"{getattr(material, name):.6g}", units.get(name, "")) for name in material.parameters]
@@ -310,6 +319,7 @@ _VIEWS: dict[str, Callable[..., str]] = {
     "Block": _block_html,
     "Material": _material_html,
     "Viscoelastic": _viscoelastic_html,
+    "Mullins": _mullins_html,
     "Silicone": _silicone_html,
     "State": _state_html,
     "PadSensor": _sensor_html,

@@ -19,6 +19,7 @@ import mitsuba_taxel
 from mitsuba_taxel import (
     Circuit,
     InputError,
+    Mullins,
     NeoHookean,
     Pad,
     PadFile,
@@ -127,6 +128,8 @@ def test_materials():
     assert re.search(r"youngs_modulus\s+4\.16\s+MPa", text_of(NeoHookean()._repr_html_()))
     silicone = text_of(SILICONES["rtv_615"]._repr_html_())
     assert "doi:10.1089" in silicone and "50%" in silicone
+    softened = text_of(Mullins(NeoHookean(), 2.5, 0.02, 0.1)._repr_html_())
+    assert re.search(r"youngs_modulus\s+4\.16\s+MPa", softened) and re.search(r"m\s+0\.02\s+MPa", softened)
 
 
 def test_law_of_a_user():
