@@ -40,7 +40,7 @@ def check_camera(scene: Scene, objects: SceneObjects) -> list[Finding]:
     list[Finding]
         An error, or nothing.
     """
-    from mitsuba_taxel.sensing.camera import view_of
+    from mitsuba_taxel.sensing.camera_view import view_of
 
     try:
         view_of(scene.load())

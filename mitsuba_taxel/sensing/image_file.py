@@ -22,6 +22,8 @@ BRIGHTEST = 99.5
 """Percentile of the image that is white in the PNG."""
 ABOUT = "about"
 """Attribute of the EXR with everything else, as JSON."""
+CHANGES = ("difference", "difference_error")
+"""Quantities of each colour that an image may have."""
 NO_IMAGE = "is not allowed: an image that `taxel render` or `taxel sweep` wrote is needed."
 """End of the refusal of other files."""
 
@@ -29,8 +31,11 @@ NO_IMAGE = "is not allowed: an image that `taxel render` or `taxel sweep` wrote 
 def write_image(image: CameraImage, file: Path, about: Mapping[str, object] = MappingProxyType({})) -> Path:
     """Write an image as OpenEXR and, beside it, as PNG.
 
-    The channels of the EXR are ``R``, ``G`` and ``B``, or ``Y``; ``standard_error.R`` and so on; ``depth`` in mm; and
-    ``coat``, 1 in pixels that show the coat. In the PNG, pixels above the percentile `BRIGHTEST` are white.
+    The channels of the EXR are ``R``, ``G`` and ``B``, or ``Y``; ``standard_error.R`` and so on; ``depth`` in mm;
+    ``coat``, 1 in pixels that show the coat; ``displacement.x``, ``.y`` and ``.z`` of the coat in mm;
+    ``contact_pressure`` in MPa, if an indenter touches; and, if requested, ``difference.R`` and so on, the difference
+    to the image with unloaded pads, and ``difference_error.R`` and so on, its standard error. In the PNG, pixels above
+    the percentile `BRIGHTEST` are white.
 
     Parameters
     ----------
@@ -73,13 +78,19 @@ def write_exr(image: CameraImage, file: Path, about: Mapping[str, object] = Mapp
 
     names = _colours(image)
     channels = {name: image.radiance[..., k] for k, name in enumerate(names)}
-    channels |= {f"standard_error.{name}": image.standard_error[..., k] for k, name in enumerate(names)}
+    for quantity in ("standard_error", *CHANGES):
+        values = getattr(image, quantity)
+        if values is not None:
+            channels |= {f"{quantity}.{name}": values[..., k] for k, name in enumerate(names)}
     channels |= {"depth": image.depth, "coat": image.coat}
+    channels |= {f"displacement.{axis}": image.displacement[..., k] for k, axis in enumerate("xyz")}
+    if image.contact_pressure is not None:
+        channels["contact_pressure"] = image.contact_pressure
     pixels = {name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()}
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        "units": "radiance in units of the lights; depth in mm",
+        "units": "radiance in units of the lights; depth and displacement in mm; contact pressure in MPa",
         "seed": str(image.seed),
         "samples": str(image.samples),
         "replicates": str(image.replicates),
@@ -119,14 +130,21 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
             channels = {name: channel.pixels for name, channel in exr.channels().items()}
         about = json.loads(header[ABOUT])
         names = "RGB" if "R" in channels else "Y"
-        colours, errors = ([channels[f"{of}{name}"] for name in names] for of in ("", "standard_error."))
+        changes = {
+            quantity: _stacked(channels, f"{quantity}.", names)
+            for quantity in CHANGES
+            if f"{quantity}.{names[0]}" in channels
+        }
         image = CameraImage(
-            np.stack(colours, axis=-1),
-            np.stack(errors, axis=-1),
+            _stacked(channels, "", names),
+            _stacked(channels, "standard_error.", names),
             channels["depth"],
             channels["coat"] > 0,
+            _stacked(channels, "displacement.", "xyz"),
+            channels.get("contact_pressure"),
             *(int(header[name]) for name in ("samples", "replicates", "seed")),
             seconds=float(about.pop("seconds")),
+            **changes,
         )
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
         raise InputError(f"{file} {NO_IMAGE}") from error
@@ -197,6 +215,11 @@ def write_picture(image: CameraImage, file: Path, white: float) -> None:
     kind = mi.Bitmap.PixelFormat.RGB if shown.shape[-1] == 3 else mi.Bitmap.PixelFormat.Y
     with replacing(file) as temporary:
         mi.Bitmap(shown).convert(kind, mi.Struct.Type.UInt8, srgb_gamma=True).write(str(temporary))
+
+
+def _stacked(channels: Mapping[str, np.ndarray], prefix: str, names: str) -> np.ndarray:
+    """Channels with a prefix, as one array (H, W, C)."""
+    return np.stack([channels[f"{prefix}{name}"] for name in names], axis=-1)
 
 
 def _colours(image: CameraImage) -> str:

@@ -61,6 +61,9 @@ def test_the_image_of_a_camera_imports_no_studies_and_no_mesher(modules, tmp_pat
     with pytest.raises(subprocess.CalledProcessError) as refused:
         modules("render", "gel.xml", *size, "--audit")
     assert "--audit is not allowed for the image of a camera" in refused.value.stderr
+    with pytest.raises(subprocess.CalledProcessError) as refused:
+        modules("render", "plate.xml", "--difference")
+    assert "--difference is not allowed for readings" in refused.value.stderr
 
 
 def test_a_pad_imports_what_its_load_needs(modules):

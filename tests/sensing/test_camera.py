@@ -7,40 +7,13 @@ import math
 import numpy as np
 import OpenEXR
 import pytest
+from camera_scene import DEPTH, DISTANCE, FIELD, HEIGHT, PIXELS, REFLECTANCE, SIDE, WIDTH, led, scene
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.camera import camera_image
 from mitsuba_taxel.sensing.image_file import write_image
 
 import mitsuba as mi  # isort: skip
-
-WIDTH, DEPTH, HEIGHT, REFLECTANCE, DISTANCE = 20.0, 15.0, 4.0, 0.5, 20.0
-PIXELS = 40, 30
-FIELD = 26.0
-"""Width in mm of the field of view at the coat."""
-COAT = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": REFLECTANCE}}
-CLEAR = {"type": "null"}
-SIDE = 0.2
-"""Side of the LED in mm."""
-
-
-def led(x, y, z, tilt=0.0):
-    """A small Lambertian LED that faces up, tilted from x by an angle in degrees."""
-    turned = mi.ScalarTransform4f().translate([x, y, z]).rotate([0, 1, 0], tilt).scale([SIDE / 2, SIDE / 2, 1])
-    return {"type": "rectangle", "to_world": turned, "light": {"type": "area", "radiance": 3.0}}
-
-
-def scene(*lights, origin=(0, 0, HEIGHT - DISTANCE), target=(0, 0, 0), pixels=PIXELS, bottom=CLEAR, top=COAT, **others):
-    pad = {"type": "deformable_pad", "cell": "none", "width": WIDTH, "depth": DEPTH, "height": HEIGHT}
-    pad["bsdf"] = {"type": "region", "top": top, "bottom": bottom, "outer": CLEAR}
-    film = {"type": "hdrfilm", "width": pixels[0], "height": pixels[1], "rfilter": {"type": "box"}}
-    film["pixel_format"] = "luminance"
-    camera = {"type": "perspective", "fov": 2 * math.degrees(math.atan(0.5 * FIELD / DISTANCE)), "film": film}
-    camera["to_world"] = mi.ScalarTransform4f().look_at(list(origin), list(target), [0, 1, 0])
-    parts = {"type": "scene", "integrator": {"type": "path"}, "pad": pad, "camera": camera}
-    return Scene(parts | {f"light{k}": light for k, light in enumerate(lights)} | others)
-
 
 def places():
     """x and y (H, W) in mm of the coat at the centres of pixels; x runs from right to left, y from top to bottom."""
@@ -109,7 +82,7 @@ def test_an_image_is_written_with_its_errors_and_its_depth(llvm_mono, tmp_path):
     picture = write_image(image, tmp_path / "image.exr")
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
         channels = {name: channel.pixels for name, channel in file.channels().items()}
-    assert set(channels) == {"Y", "standard_error.Y", "depth", "coat"}
+    assert set(channels) == {"Y", "standard_error.Y", "depth", "coat"} | {f"displacement.{a}" for a in "xyz"}
     assert np.array_equal(channels["Y"], image.radiance[..., 0].astype(np.float32))
     assert np.array_equal(channels["depth"], image.depth.astype(np.float32), equal_nan=True)
     assert np.array(mi.Bitmap(str(picture))).max() == 255

@@ -37,6 +37,7 @@ COLOURS = "llvm_ad_rgb"
 )
 @click.option("--audit", is_flag=True, help="Also print where the light goes: absorbed, detected, escaped.")
 @click.option("--crosstalk", is_flag=True, help="Also print the power of each LED on each phototransistor.")
+@click.option("--difference", is_flag=True, help="Also write a camera's image minus that of the unloaded pad.")
 @click.option("--explain", is_flag=True, help="Also list the computations that this scene did not need.")
 @derivatives_option
 @circuit_option
@@ -52,6 +53,7 @@ def command(
     output: Path | None,
     audit: bool,
     crosstalk: bool,
+    difference: bool,
     explain: bool,
     derivatives: list[str],
     circuit: Path | None,
@@ -60,6 +62,7 @@ def command(
     """Print the optical power on each phototransistor of SCENE, with its standard error; or write a camera's image."""
     from mitsuba_taxel import sensing
     from mitsuba_taxel.backend import wanted_variant, work_of_processor
+    from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.sensing.measurement import measured
 
     from .. import tables
@@ -71,8 +74,10 @@ def command(
         others = {"--audit": audit, "--crosstalk": crosstalk, "--explain": explain, "--derivatives": derivatives}
         others |= {"--circuit": circuit, "--time-budget": time_budget}
         refused = [name for name in others if others[name]]
-        _render_image(description, target_error, points, seed, output, as_json, refused)
+        _render_image(description, target_error, points, seed, difference, output, as_json, refused)
         return
+    if difference:
+        raise InputError("--difference is not allowed for readings, only for the image of a camera.")
     with tables.progress_bar("pads and light"):
         readings, ready = measured(
             description,
@@ -116,7 +121,7 @@ def command(
         tables.end_beyond_target(readings.notes)
 
 
-def _render_image(description, target_error, points, seed, output, as_json, refused) -> None:
+def _render_image(description, target_error, points, seed, difference, output, as_json, refused) -> None:
     """Write the image of the camera of a scene as EXR and PNG, and print its contents and errors."""
     import os
 
@@ -135,7 +140,14 @@ def _render_image(description, target_error, points, seed, output, as_json, refu
         check_backend(COLOURS)
         mi.set_variant(COLOURS)
     with tables.progress_bar("image") as progress:
-        image = camera_image(description, samples=points, target_error=target_error, seed=seed, progress=progress)
+        image = camera_image(
+            description,
+            samples=points,
+            target_error=target_error,
+            seed=seed,
+            difference=difference,
+            progress=progress,
+        )
     file = output or Path(f"{Path(description.name).stem}.exr")
     picture = write_image(image, file)
     height, width, _ = image.radiance.shape

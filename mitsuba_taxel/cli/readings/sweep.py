@@ -27,7 +27,7 @@ from ..options import (
 
 OF_A_SCENE = (
     "vary", "together", "steps", "defines", "target_error", "points", "time_budget", "seed", "maps", "derivatives",
-    "target_slope", "circuit", "meshes",
+    "target_slope", "circuit", "meshes", "difference",
 )  # fmt: skip
 MOST_FAILURES_SHOWN = 10
 SHOWN = ("max_slope", "mean_slope", "relative_slope")
@@ -62,6 +62,7 @@ SHOWN = ("max_slope", "mean_slope", "relative_slope")
     help="Deformed pads to keep: all, the last one of each curve, or none. With rough walls each takes 13 MB.",
 )  # fmt: skip
 @click.option("--maps", is_flag=True, help="Also write irradiance maps, as OpenEXR.")
+@click.option("--difference", is_flag=True, help="Also store a camera's images minus that of the unloaded pad.")
 @derivatives_option
 @target_slope_option
 @circuit_option
@@ -86,6 +87,7 @@ def command(
     retry_failed: bool,
     meshes: str,
     maps: bool,
+    difference: bool,
     derivatives: list[str],
     target_slope: float | None,
     circuit: Path | None,
@@ -117,6 +119,7 @@ def command(
                 "time_budget": time_budget,
                 "seed": seed,
                 "maps": maps,
+                "difference": difference,
                 "meshes": meshes,
                 "derivatives": derivatives,
                 "target_slope": target_slope,

@@ -29,7 +29,7 @@ TABLES = ("define", "vary", "together")
 SCENE_KEYS = ("scene", *TABLES, "steps")
 RUN_KEYS = (
     "target_error", "points", "time_budget", "mesh_size", "seed", "maps", "derivatives", "target_slope",
-    "circuit", "meshes",
+    "circuit", "meshes", "difference",
 )  # fmt: skip
 CHOSEN = ("target_error", "points", "time_budget", "mesh_size", "target_slope")
 """Keys of a run that a written study file holds only if they have a value."""
@@ -73,6 +73,8 @@ class Batch:
         Whether only readings are computed: no meshes, no slopes, and no errors of mechanics and geometry.
     meshes : str
         Which meshes are stored: one of :data:`KEPT_MESHES`.
+    difference : bool
+        Whether differences of a camera's images to that of the unloaded pad are stored as well.
     """
 
     name: str
@@ -91,6 +93,7 @@ class Batch:
     from_paths: bool = False
     bare: bool = False
     meshes: str = "all"
+    difference: bool = False
 
     def scene(self, values: Mapping[str, str]) -> Scene:
         """The scene of the batch with given values of the varied parameters."""
@@ -137,6 +140,7 @@ class Batch:
             **{name: value for name, value in chosen.items() if value},
             **({"maps": True} if self.maps else {}),
             **({"meshes": self.meshes} if self.meshes != "all" else {}),
+            **({"difference": True} if self.difference else {}),
             **({"derivatives": list(self.derivatives)} if self.derivatives else {}),
             **{name: table for name, table in tables.items() if table},
         }
@@ -154,6 +158,7 @@ def make_batch(
     mesh_size: float | None = None,
     seed: int = 0,
     maps: bool = False,
+    difference: bool = False,
     derivatives: Sequence[str] = (),
     target_slope: float | None = None,
     circuit: Circuit | None = None,
@@ -185,6 +190,8 @@ def make_batch(
         Whole number from 0 to 2**32 - 1. See :func:`sweep`.
     maps : bool
         Whether to write irradiance maps to ``output`` as well, as OpenEXR. See :func:`sweep`.
+    difference : bool
+        Whether to store the difference of each image to that of the unloaded pad as well. See :func:`sweep`.
     derivatives : sequence of str
         Parameters with respect to which readings are differentiated, as for :func:`measure`. See :func:`sweep`.
     target_slope : float, optional
@@ -230,8 +237,9 @@ def make_batch(
         raise InputError("points and time_budget exclude each other in a study: give one of them.")
     if mesh_size is not None and not (is_number(mesh_size) and mesh_size > 0):
         raise InputError(f"mesh_size = {mesh_size!r} is not allowed: a finite size in mm above 0 is needed.")
-    if not isinstance(maps, (bool, np.bool_)):
-        raise InputError(f"maps = {maps!r} is not allowed: true or false is needed.")
+    for flag, value in {"maps": maps, "difference": difference}.items():
+        if not isinstance(value, (bool, np.bool_)):
+            raise InputError(f"{flag} = {value!r} is not allowed: true or false is needed.")
     differentiated = names_of("derivatives", derivatives)
     if target_slope is not None:
         differentiated = tuple(dict.fromkeys((*differentiated, *_forces_for(target_slope, axes, forces))))
@@ -257,6 +265,7 @@ def make_batch(
         target_slope=plain_number(target_slope),
         circuit=circuit,
         meshes=meshes,
+        difference=bool(difference),
     )
 
     # The scene with the first values: it refuses unknown parameters, and lists those without effect.

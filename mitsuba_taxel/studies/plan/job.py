@@ -106,6 +106,8 @@ class ImageJob:
         Number of samples per pixel and replicate; None for the default, or with a target error.
     target_error : float or None
         Target for the relative error of a pixel. See ``camera_image``.
+    difference : bool
+        Whether the difference to the image with unloaded pads is computed too.
     variant : str
         Variant of Mitsuba, which determines whether the image has colours.
     """
@@ -117,6 +119,7 @@ class ImageJob:
     seed: int
     samples: int | None
     target_error: float | None
+    difference: bool
     variant: str
     plugins: tuple[Path, ...] = field(default_factory=loaded_plugins)
 

@@ -48,7 +48,9 @@ def _image_of(job: ImageJob) -> ImageResult:
     with stages.record() as seconds:
         live = Scene(job.file, job.parameters, job.mesh_size).load()
         with stages.stage("optics"):
-            image = camera_image(live, samples=job.samples, target_error=job.target_error, seed=job.seed)
+            image = camera_image(
+                live, samples=job.samples, target_error=job.target_error, seed=job.seed, difference=job.difference
+            )
         pads = pad_results([pad.state for pad in deformed_pads(live)], with_errors=False)
     about = {
         "parameters": job.parameters,

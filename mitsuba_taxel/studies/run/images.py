@@ -142,6 +142,7 @@ def _compute(
             seed=batch.seed,
             samples=batch.points if batch.target_error is None else None,
             target_error=batch.target_error,
+            difference=batch.difference,
             variant=variant,
         )
         curves.setdefault((*index[:curve], *index[curve + 1 :]), []).append(job)

@@ -71,6 +71,7 @@ def sweep(
     scheduler: str | None = None,
     retry_failed: bool = False,
     maps: bool = False,
+    difference: bool = False,
     derivatives: Sequence[str] = (),
     target_slope: float | None = None,
     circuit: Circuit | None = None,
@@ -124,6 +125,8 @@ def sweep(
         Whether scenes that failed in an earlier call are computed again.
     maps : bool
         Whether to write irradiance maps to ``output`` as well, as OpenEXR.
+    difference : bool
+        Whether to store the difference of each image of a camera to that of the unloaded pad as well.
     derivatives : Sequence[str]
         Parameters with respect to which readings are differentiated, as for :func:`measure`; by default the varied
         forces, if readings need no random numbers. Slopes against a force then follow from its derivatives. With random
@@ -176,6 +179,7 @@ def sweep(
         "mesh_size": mesh_size,
         "seed": seed,
         "maps": maps,
+        "difference": difference,
         "derivatives": derivatives,
         "target_slope": target_slope,
         "circuit": circuit,
@@ -225,6 +229,8 @@ def _run(
     """The readings of a batch as of :func:`run_batch`, or the images if its scene has a camera."""
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     if not batch.scene(first).has_camera():
+        if batch.difference:
+            raise InputError("difference = True is not allowed for readings, only for images of a camera.")
         return run_batch(batch, pool, folder, retry_failed, parquet, progress)
     from mitsuba_taxel.studies.run.images import sweep_images  # readings need nothing of it
 

@@ -113,6 +113,17 @@ def test_a_scene_that_fails_leaves_the_others(tmp_path):
     assert len(json.loads((tmp_path / "out" / "failed" / "000001.json").read_text())["message"]) > 10
 
 
+def test_differences_are_of_images_only(tmp_path):
+    vary, small = {"uz": "0,-0.2"}, {"width": "16", "height": "12"}
+    table = sweep("gel.xml", vary, small, points=1, mesh_size=SIZE, difference=True, output=tmp_path / "out")
+    first, second = (read_image(tmp_path / "out" / name)[0] for name in table.image.values)
+    assert not first.difference.any() and second.difference.any()
+    # The images of a study share their random numbers.
+    np.testing.assert_allclose(second.difference, second.radiance - first.radiance, atol=1e-7)
+    with pytest.raises(InputError, match="difference = True is not allowed for readings"):
+        sweep("plate.xml", {"z": "0.6,0.7"}, difference=True)
+
+
 @pytest.mark.parametrize(
     ("vary", "how", "message"),
     [
