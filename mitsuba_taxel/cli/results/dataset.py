@@ -55,8 +55,19 @@ def command(
     """Write force and readings of the study in DIR as train.csv, validation.csv and test.csv, with a datasheet.
 
     For a study with a circuit, the tables also have voltages and counts. All rows of one force go into the same table.
-    The folder for the results must be empty or new.
+    For a study of images, the tables have the touches, the forces and moments, and the files of the images. The folder
+    for the results must be empty or new.
     """
+    from mitsuba_taxel.studies.store.image_folder import is_image_study
+
+    if is_image_study(study):
+        from mitsuba_taxel.base.errors import InputError
+
+        others = {"--noise": noise != "0", "--copies": copies > 1, "--parquet": parquet, "--lerobot": lerobot}
+        for name in (name for name, given in others.items() if given):
+            raise InputError(f"{name} is not allowed for images of a camera, only for readings.")
+        _pack_images(study, folder, split, seed, hdf5, as_json)
+        return
     from mitsuba_taxel.studies import open_study
     from mitsuba_taxel.studies.run.training import training_set
     from mitsuba_taxel.studies.store.datasheet import rows_line
@@ -75,6 +86,21 @@ def command(
         lerobot=lerobot,
     )
     rows = {name: len(table) for name, table in tables.items()}
+    if as_json:
+        print_json({"output": str(folder), "rows": rows})
+        return
+    click.echo(rows_line(rows))
+    click.echo(f"Results: {folder}")
+
+
+def _pack_images(study: Path, folder: Path, split: tuple[float, ...], seed: int, hdf5: bool, as_json: bool) -> None:
+    """Write the training set of a study of images, and print the numbers of its rows."""
+    from mitsuba_taxel.studies.run.image_set import image_set
+    from mitsuba_taxel.studies.store.datasheet import rows_line
+
+    from ..tables import print_json
+
+    rows = {name: len(table) for name, table in image_set(study, folder, split=split, seed=seed, hdf5=hdf5).items()}
     if as_json:
         print_json({"output": str(folder), "rows": rows})
         return

@@ -196,12 +196,28 @@ def _read_noise(noise: float | str) -> tuple[float, bool]:
 
 def _check(split: Sequence[float], copies: int, seed: int, noisy: bool) -> None:
     """Raise `InputError` for a split, a number of copies or a seed that is not allowed."""
-    good = is_row(split, is_number) and len(split) == len(PARTS) and min(split) > 0
-    if not (good and math.isclose(sum(split), 1)):
-        raise InputError(f"split = {split!r} is not allowed: three shares above 0, which add up to 1, are needed.")
+    check_split(split)
     if not is_whole(copies) or copies < 1 or (copies > 1 and not noisy):
         raise InputError(f"copies = {copies!r} is not allowed: 1 or above, and above 1 only with noise, is needed.")
     check_seed(seed)
+
+
+def check_split(split: Sequence[float]) -> None:
+    """Check the fractions of the training, validation and test set: three numbers above 0 whose sum is 1.
+
+    Parameters
+    ----------
+    split : Sequence[float]
+        The fractions.
+
+    Raises
+    ------
+    InputError
+        if they are anything else.
+    """
+    good = is_row(split, is_number) and len(split) == len(PARTS) and min(split) > 0
+    if not (good and math.isclose(sum(split), 1)):
+        raise InputError(f"split = {split!r} is not allowed: three shares above 0, which add up to 1, are needed.")
 
 
 def _scenes(study: xr.Dataset | xr.DataTree) -> dict[str, xr.Dataset]:
@@ -298,19 +314,40 @@ def _force_columns(parameters: pd.DataFrame) -> list[str]:
 
 
 def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndarray:
-    """Index into `PARTS` for each row, (rows,).
+    """Index into `PARTS` for each row of forces, (rows,); see `part_by_words`."""
+    words = [" ".join(f"{component + 0.0:.9g}" for component in force) for force in forces.to_numpy(dtype=float)]
+    return part_by_words(words, split, seed, "forces")
 
-    Forces are ranked by a hash of seed and force, and the ranking is cut at the shares.
+
+def part_by_words(words: Sequence[str], split: Sequence[float], seed: int, name: str) -> np.ndarray:
+    """Index into `PARTS` for each row; rows with the same words belong to the same part.
+
+    Words are ranked by a hash of seed and word, and the ranking is cut at the shares.
+
+    Parameters
+    ----------
+    words : Sequence[str]
+        What distinguishes the rows, such as their forces.
+    split : Sequence[float]
+        Fractions of the parts.
+    seed : int
+        Seed of the hash.
+    name : str
+        Plural of what the words describe, for messages.
+
+    Returns
+    -------
+    (rows,) ndarray of int
+        The indices.
 
     Raises
     ------
     InputError
-        if there are too few distinct forces.
+        if there are too few distinct words.
     """
-    words = [" ".join(f"{component + 0.0:.9g}" for component in force) for force in forces.to_numpy(dtype=float)]
     ranked = sorted(set(words), key=lambda force: sha256(f"{seed} {force}".encode()).digest())
     if len(ranked) < LEAST_FORCES:
-        raise InputError(f"distinct forces in the study: {len(ranked)}, but at least {LEAST_FORCES} are needed.")
+        raise InputError(f"distinct {name} in the study: {len(ranked)}, but at least {LEAST_FORCES} are needed.")
     cuts = np.round(np.cumsum(split)[:-1] * len(ranked))
     subsets = dict(zip(ranked, np.searchsorted(cuts, np.arange(len(ranked)), side="right"), strict=True))
     return np.array([subsets[force] for force in words])

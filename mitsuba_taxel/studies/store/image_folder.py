@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
@@ -247,10 +248,8 @@ def write_images(study: xr.Dataset, folder: Path) -> None:
     """
     from mitsuba_taxel.plots.contact_sheet import plot_contact_sheet
 
-    table = study.to_dataframe(dim_order=[str(dim) for dim in study.image.dims]).reset_index()
-    table = table[table.image != ""]
-    units = {str(name): study[name].attrs.get("units", "1") for name in table.columns if name in study}
-    headed = table.rename(columns={name: f"{name}_{unit}" for name, unit in units.items() if unit != "1"})
+    table = image_rows(study)
+    headed = table.rename(columns=headings(study, table))
     head = [f"# {name}: {study.attrs[name]}" for name in ("scene", "parameters", "seed", "versions")]
     head += [f"# {note}" for note in study.attrs["notes"].splitlines()]
     write_text(folder / TABLE, "\n".join(head) + "\n" + headed.to_csv(index=False))
@@ -273,6 +272,42 @@ def write_images(study: xr.Dataset, folder: Path) -> None:
     figure = plot_contact_sheet(shown, white, columns)
     with replacing(folder / f"{SHEET}.png") as file:
         figure.savefig(file, format="png", dpi=100)
+
+
+def image_rows(study: xr.Dataset) -> pd.DataFrame:
+    """The images of a study as a table with a row for each; scenes without an image are omitted.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Result of `image_table`.
+
+    Returns
+    -------
+    pd.DataFrame
+        Varied parameters, and all variables of the study.
+    """
+    table = study.to_dataframe(dim_order=[str(dim) for dim in study.image.dims]).reset_index()
+    return table[table.image != ""].reset_index(drop=True)
+
+
+def headings(study: xr.Dataset, table: pd.DataFrame) -> dict[str, str]:
+    """Headings with units, by name, of the columns of `image_rows`.
+
+    Parameters
+    ----------
+    study : xr.Dataset
+        Result of `image_table`.
+    table : pd.DataFrame
+        Result of `image_rows`.
+
+    Returns
+    -------
+    dict[str, str]
+        Headings of the columns with a unit.
+    """
+    units = {str(name): study[name].attrs.get("units", "1") for name in table.columns if name in study}
+    return {name: f"{name}_{unit}" for name, unit in units.items() if unit != "1"}
 
 
 def _is_number(value: object) -> bool:
