@@ -124,10 +124,8 @@ WITH_READINGS = sorted(path.name for path in shipped_scenes().glob("*.xml") if "
 
 
 @pytest.mark.parametrize("file", WITH_READINGS)
-@pytest.mark.usefixtures("error_unknown_here")
 def test_a_shipped_scene_says_the_same_under_other_names(tmp_path, file):
     """Tables, slopes, plots, exports, on large elements; of the pad of nine cells, two, of which each is as the others.
-    The error of the elements is left out: other tests have it, and no parameter's name is used for it.
 
     ``tests/helpers/renamed_scenes.py`` compares the scenes as they are, and for other seeds.
     """
