@@ -134,6 +134,7 @@ class DesignEvaluator:
         self._rows: set[int] = set()
         self._contact_rows: set[int] = set()
         self._evaluated: dict[Design, DesignEvaluation] = {}
+        self._study_so_far: xr.Dataset | None = None
 
     def can_move(self, design: Design) -> bool:
         """Whether the mesh of another design, the design's ``origin``, can be moved to fit this design. A design
@@ -213,6 +214,16 @@ class DesignEvaluator:
                 notes = [note for note in study.attrs["notes"].splitlines() if "not available" in note]
                 self.failures[design] = next(iter([*reasons, *notes]), "a reading or a derivative is missing")
 
+    def write_tables(self) -> None:
+        """Write the readings of all designs to ``readings.nc`` and ``readings.csv`` of the study.
+
+        They are written once: a table that is written after each design takes longer with each of them.
+        """
+        if self._study_so_far is not None:
+            from mitsuba_taxel.studies.store.tables import write_readings
+
+            write_readings(self._study_so_far, self._study_folder)
+
     @property
     def _study_folder(self) -> Path:
         """Folder of the study; evaluation by differences has a separate folder, as its rows differ."""
@@ -267,7 +278,7 @@ class DesignEvaluator:
         # The study, whose stored results are kept, and the row numbers of the designs.
         columns = {name: list(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
         batch = replace(self._batch, axes=(Axis(STEP, columns),), derivatives=tuple(self._by))
-        study = run_batch(batch, self._pool, self._study_folder, self._retry)
+        study = self._study_so_far = run_batch(batch, self._pool, self._study_folder, self._retry)
         self._retry = False
         row_numbers = {row: number for number, row in enumerate(rows)}
         count, rows_of = len(self._plan.loads), {}

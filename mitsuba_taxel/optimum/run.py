@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -81,8 +82,10 @@ def optimise(
     initial = plan.initial_designs()
     plan = _unsaturated(_in_view(plan, initial))
     make_folder(folder)
-    with open_pool(workers, scheduler) as pool:
-        optimiser = Optimiser(plan, DesignEvaluator(plan, pool, folder / "designs", retry_failed), progress)
+    with open_pool(workers, scheduler) as pool, ExitStack() as at_the_end:
+        designs = DesignEvaluator(plan, pool, folder / "designs", retry_failed)
+        at_the_end.callback(designs.write_tables)
+        optimiser = Optimiser(plan, designs, progress)
 
         # Descents from all initial designs, then the front, whose descents may find a better design.
         starts = readable_starts(optimiser, initial)
@@ -98,6 +101,7 @@ def optimise(
         # The best design is evaluated again without a moved mesh, then on a finer mesh.
         optimiser.evaluate([best.alone])
         verification = verified_on_finer_mesh(optimiser, best, pool, folder / "judged")
+        at_the_end.callback(verification.optimiser.designs.write_tables)
         result = make_optimum(optimiser, best, verification, trade_offs)
     write(plan, optimiser.before, best, result, folder)
     return result

@@ -173,6 +173,10 @@ def test_what_is_on_disk(cell):
     plots = {f"{name}.{form}" for name in ("optimum", "section") for form in ("png", "svg")}
     assert made == tables | drawn | plots | {"designs", "judged", "best.xml", "optimum.md", "printed.json"}
     study = open_study(folder / "out" / "designs")
+    for part, steps in (("designs", found["load_steps"]), ("judged", 4)):
+        lines = (folder / "out" / part / "readings.csv").read_text().splitlines()
+        assert len([line for line in lines if not line.startswith("#")]) == 1 + steps
+        assert (folder / "out" / part / "readings.nc").stat().st_size > 0
     assert study.sizes["step"] == found["load_steps"] == 2 * len(found["history"]) and found["load_steps"] <= 24
 
 
@@ -221,7 +225,7 @@ def test_a_run_that_was_ended_goes_on(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         optimise(tmp_path / "study.toml", tmp_path / "out", progress=ended)
     kept = {file: file.stat().st_size for file in (tmp_path / "out").rglob("jobs/*.npz")}
-    assert len(kept) >= 4
+    assert len(kept) >= 4 and list((tmp_path / "out").rglob("readings.csv"))
     reports = []
     went_on = optimise(tmp_path / "study.toml", tmp_path / "out", progress=reports.append)
     whole = optimise(tmp_path / "study.toml", tmp_path / "whole")

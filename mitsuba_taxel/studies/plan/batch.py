@@ -70,7 +70,8 @@ class Batch:
     from_paths : bool
         Whether derivatives are computed by random paths where light without random numbers does not provide them.
     bare : bool
-        Whether only readings are computed: no meshes, no slopes, and no errors of mechanics and geometry.
+        Whether only readings are computed: no meshes, no slopes, and no errors of mechanics and geometry; no tables or
+        plots are written.
     meshes : str
         Which meshes are stored: one of :data:`KEPT_MESHES`.
     difference : bool

@@ -304,8 +304,8 @@ def run_batch(
         if retry_failed:
             store.forget_failures()
         study = _dataset(batch, origin, _compute(batch, pool, store, progress, clock))
-        write_readings(study, folder, parquet)
         if not batch.bare:
+            write_readings(study, folder, parquet)
             write_summary(study, folder)
             draw_results(study, folder)
             write_resolution(study, folder)
