@@ -49,7 +49,8 @@ class LoadLine:
 
 
 def load_lines(study: xr.Dataset) -> list[LoadLine]:
-    """All runs of load of a study, in the order of its dimensions and of the load.
+    """All runs of load (sequences of scenes in which only the force changes, in one direction) of a study, in the order
+    of its dimensions and of the load.
 
     A dimension ``fx``, ``fy`` or ``fz`` of at least two values is one run, from the smaller force to the larger. A
     dimension along which forces are listed is split wherever the force turns, is constant or another parameter changes.
@@ -76,7 +77,7 @@ def load_lines(study: xr.Dataset) -> list[LoadLine]:
 
 
 def loading_lines(study: xr.Dataset) -> list[LoadLine]:
-    """Lines of load in which the magnitude of the force grows, the first for each direction of a path.
+    """Lines of load in which the magnitude of the force grows; for each direction of the force, the first such line.
 
     A path that loads and unloads several times along one direction thus gives its first loading run only.
 

@@ -17,7 +17,7 @@ FEWEST_SMOOTH = 4
 
 
 class Largest(NamedTuple):
-    """Result of :func:`at_largest`: the number of largest magnitude, without the bias due to its choice.
+    """The number of largest magnitude among noisy numbers, from :func:`at_largest`: without the bias due to its choice.
 
     Attributes
     ----------

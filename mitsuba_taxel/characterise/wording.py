@@ -341,7 +341,7 @@ def escape(text: str) -> str:
 
 
 def as_word(value: Any) -> str:
-    """Format the value of a parameter, a number or a word, as text.
+    """Format the value of a parameter, a number or text, as text for tables.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class Element:
     children: list[Element] = field(default_factory=list)
 
     def walk(self) -> Iterator[Element]:
-        """This element and all nested ones, in the order of the file."""
+        """Iterate over this element and all nested ones, in the order of the file."""
         yield self
         for child in self.children:
             yield from child.walk()
@@ -75,7 +75,7 @@ class Element:
 
 
 class Unreadable(Exception):
-    """A document that is not XML, or not a scene; it carries the finding."""
+    """A scene file is not XML, or not a scene; the exception carries the finding."""
 
     def __init__(self, finding: Finding) -> None:
         super().__init__(finding.message)

@@ -95,7 +95,7 @@ class Boxes:
         return apply(self.to_world, self.centres()[:, None] + CORNERS * self.half)
 
     def relative(self, points: np.ndarray) -> np.ndarray:
-        """Coordinates (N, 3) of world points in the nearest box, scaled so that its faces are at -1 and 1."""
+        """Coordinates (N, 3) of points in the nearest box, scaled so that the faces of the box are at -1 and 1."""
         local = apply(np.linalg.inv(self.to_world), points) - self.centre
         for axis, count in ((0, self.columns), (1, self.rows)):
             if count > 1:

@@ -43,7 +43,9 @@ def terminal_width() -> int | None:
 
 
 def print_text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], width: int | None = None) -> None:
-    """Print a table of words on stdout; only its last column is wrapped, in a pipe only if a width is given."""
+    """Print a table of text on the standard output; only its last column is wrapped, in a pipe only if a width is
+    given.
+    """
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for heading in headings:
         table.add_column(heading, no_wrap=heading != headings[-1])
@@ -237,7 +239,7 @@ def print_json(answer: object) -> None:
 
 
 def known(number: float) -> float | None:
-    """The number, or None if it is not finite, which JSON does not support."""
+    """The number, or None if it is not finite, because JSON supports finite numbers only."""
     return None if isinstance(number, float) and not math.isfinite(number) else number
 
 

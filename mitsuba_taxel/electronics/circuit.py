@@ -129,17 +129,17 @@ class Circuit(Checked):
 
     @property
     def leakage(self) -> float:
-        """Dark current at the temperature, in A."""
+        """Dark current of the phototransistor at the circuit's temperature, in A."""
         return self.dark_current * 10 ** ((self.temperature - ROOM_TEMPERATURE) / self.dark_decade)
 
     @property
     def thermal_voltage(self) -> float:
-        """k T / q, in V."""
+        """Thermal voltage k T / q of the phototransistor's junctions, in V."""
         return BOLTZMANN * self.kelvin / CHARGE
 
     @property
     def kelvin(self) -> float:
-        """The temperature, in K."""
+        """The temperature of the circuit, in K."""
         return self.temperature + ZERO_CELSIUS
 
     @property
@@ -149,7 +149,7 @@ class Circuit(Checked):
 
     @property
     def step(self) -> float:
-        """Voltage of one count, in V."""
+        """Voltage of one count of the converter, in V."""
         return self.full_scale / 2**self.adc_bits
 
     @property

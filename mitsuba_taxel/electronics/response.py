@@ -117,7 +117,7 @@ def respond(circuit: Circuit, power: Any) -> Response:
 
 
 def lit(power: Any) -> np.ndarray:
-    """Replace powers that are missing (NaN), or negative due to their error, by 0, as input of a circuit.
+    """Replace powers that are missing (NaN), or negative due to noise, by 0, so that a circuit can process them.
 
     Parameters
     ----------

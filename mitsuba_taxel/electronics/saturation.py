@@ -29,7 +29,7 @@ def saturating_power(circuit: Circuit) -> float:
 
 
 def saturated_words(circuit: Circuit, power: Any) -> str:
-    """A note on readings at which the output is at the circuit's limit.
+    """A note that names the readings at which the output is at the circuit's limit.
 
     Parameters
     ----------

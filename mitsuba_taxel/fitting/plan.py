@@ -29,7 +29,7 @@ READ_KEYS = ("points", "mesh_size", "seed")
 
 @dataclass(frozen=True)
 class Unknown:
-    """An unknown number: its name, initial value and bounds."""
+    """An unknown of a fit: its name, initial value and bounds."""
 
     name: str
     start: float

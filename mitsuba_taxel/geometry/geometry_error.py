@@ -6,12 +6,13 @@ import numpy as np
 
 
 class GeometryError(Exception):
-    """Error: a file of geometry cannot be used, for the reason in the message. Callers that know the name of the file
-    turn it into an `InputError`."""
+    """A file of geometry cannot be used, for the reason in the message. Callers that know the name of the file turn
+    this error into an `InputError`.
+    """
 
 
 def place(point: np.ndarray) -> str:
-    """The coordinates of a point as text.
+    """Format the coordinates of a point as text for messages.
 
     Parameters
     ----------

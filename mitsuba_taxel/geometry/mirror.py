@@ -26,12 +26,13 @@ class Mirror:
     normal: tuple[int, int]
 
     def side(self, points: np.ndarray) -> np.ndarray:
-        """Side of the plane on which points (..., 3) lie: an array (...,), positive on the kept side and exactly 0 on
-        the plane."""
+        """Side of the mirror plane on which points (..., 3) lie: an array (...,), positive on the kept side and exactly
+        0 on the plane.
+        """
         return self.normal[0] * points[..., 0] + self.normal[1] * points[..., 1]
 
     def image(self, vectors: np.ndarray) -> np.ndarray:
-        """Vectors or points (..., 3) reflected in the plane."""
+        """Vectors or points (..., 3), reflected in the mirror plane."""
         image = np.array(vectors, dtype=float)
         if self.normal[0] and self.normal[1]:
             sign = -self.normal[0] * self.normal[1]
@@ -78,7 +79,7 @@ def mirror_image(mesh: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeM
 
 
 def mirrored(mesh: VolumeMesh, mirror: Mirror) -> VolumeMesh:
-    """The mesh joined with its mirror image at the nodes on the plane.
+    """A mesh joined with its mirror image; both share the nodes on the plane.
 
     Parameters
     ----------

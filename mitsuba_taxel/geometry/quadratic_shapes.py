@@ -102,7 +102,7 @@ def control_points(nodes: np.ndarray) -> np.ndarray:
 
 
 def hull_boxes(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bounding boxes of the control points of quadratic elements; the control points are not all in memory at once.
+    """Bounding boxes of quadratic elements, from their Bezier control points, which are not all in memory at once.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ until ``heed`` is called. The value is a `mi.Properties`, which a scene file can
 
 
 class TaxelEnd(Protocol):
-    """Common interface of LEDs (`annular_led`) and `phototransistor`.
+    """Common interface of LEDs (`annular_led`) and `phototransistor`: the two ends of a taxel's light paths.
 
     ``resin_index`` is the refractive index of the resin in the windows above the dies, None without windows. ``table``
     is the table of the directional law, None for a formula: increasing cosines, and fraction of the power per solid
@@ -64,7 +64,7 @@ class TaxelEnd(Protocol):
 
 
 class LedEmitter(TaxelEnd, Protocol):
-    """An `annular_led`, or an array of LEDs."""
+    """Interface of the plugin `annular_led`: one LED, or an array of LEDs."""
 
     specification: AnnularLed
     power: mi.Float
@@ -81,7 +81,7 @@ class LedEmitter(TaxelEnd, Protocol):
 
 
 class PhototransistorSensor(TaxelEnd, Protocol):
-    """A `phototransistor`, or an array of phototransistors.
+    """Interface of the plugin `phototransistor`: one phototransistor, or an array of them.
 
     It also caches properties of its scene, which are None until they are computed: ``guided_emission`` is a
     `GuidedEmission`; ``guide`` is the vertices of a mesh and the `Guide` for these, or None if a guide does not reduce
@@ -175,7 +175,7 @@ class PadShape(Protocol):
 
 
 class RegionBsdf(Protocol):
-    """A `region`: BSDFs by the name of the region."""
+    """Interface of the plugin `region`: a BSDF for each region of a surface, by the name of the region."""
 
     walls: Mapping[str, mi.BSDF]
 

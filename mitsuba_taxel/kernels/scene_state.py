@@ -19,7 +19,7 @@ from mitsuba_taxel.specification.specification import Specification
 
 
 class UnknownState(Exception):
-    """Raised for an object whose state cannot be recorded."""
+    """An object of the scene has a kind whose state cannot be recorded."""
 
 
 class SceneState:

@@ -50,7 +50,7 @@ class EvaluationsExhausted(Exception):
 
 
 class Optimiser:
-    """Evaluates designs, keeps all of them, and runs descents.
+    """Evaluates designs, keeps all evaluations, and improves designs by gradient-based descents.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Optimiser:
         return linearisation if goals.size and is_finite else None
 
     def descend(self, start: Design, goal: Goal, limits: Sequence[Limit]) -> None:
-        """Descend from a design; all evaluated designs are in the history.
+        """Improve a design by a gradient-based descent; all evaluated designs are in the history.
 
         During a descent, the spread due to tolerances is the spread at its start. With tolerances, further descents
         therefore start from the end of the last descent.

@@ -168,7 +168,7 @@ class Plan:
 
     @property
     def loads(self) -> list[dict[str, str]]:
-        """All distinct loads of all lines."""
+        """All distinct loads of all lines of loads, as values of the scene's parameters."""
         rows = [tuple(sorted(row.items())) for _, rows in self.lines.values() for row in rows]
         return [dict(row) for row in dict.fromkeys(rows)]
 

@@ -64,7 +64,7 @@ class Checked:
 
     @classmethod
     def read(cls, props: Any) -> Any:
-        """Create an object from the values of ``mi.Properties``; raises `InputError`."""
+        """Create an object of this class from the values of ``mi.Properties``; raises `InputError`."""
         values = {}
         for attribute, parameter in parameters_of(cls).items():
             if isinstance(parameter, Nested):

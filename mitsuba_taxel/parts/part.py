@@ -26,7 +26,7 @@ _NUMBERS = {*_STAND_INS, "y", "window_x", "window_y", "die_depth", "exponent"}
 
 @dataclass(frozen=True)
 class Side(Checked):
-    """The die of an emitter or detector, and the window above it, seen from above.
+    """A die (emitter or detector) and the window above it, seen from above.
 
     The origin is the centre of the body.
     """
@@ -62,7 +62,8 @@ class Side(Checked):
         return (self.x if self.window_x is None else self.window_x, self.y if self.window_y is None else self.window_y)
 
     def moved(self, shift: tuple[float, float, float]) -> Side:
-        """A copy with the die moved by x, y and z in mm; the window stays in place."""
+        """A copy of the die and its window, in which the die is moved by x, y and z in mm; the window stays in place.
+        """
         x, y = self.window_centre
         return replace(
             self, x=self.x + shift[0], y=self.y + shift[1], die_depth=self.die_depth - shift[2], window_x=x, window_y=y

@@ -25,9 +25,9 @@ class PluginPage:
     parameters : tuple[Parameter, ...]
         Rows of the parameter table, with RST markup.
     text : str
-        Paragraphs.
+        Paragraphs of the description.
     example, python_example : str
-        XML, and entries of a dictionary as for ``mi.load_dict``.
+        Example in XML, and as entries of a dictionary for ``mi.load_dict``.
     """
 
     name: str

@@ -74,7 +74,7 @@ class Tolerance:
 
 
 def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: list[str]) -> Tolerance:
-    """Compute the spreads, the indices and their errors from the samples of a tolerance study.
+    """Compute spreads, Sobol' indices and their errors from the samples of a tolerance study.
 
     Parameters
     ----------
@@ -409,7 +409,8 @@ def _linear(plan: TolerancePlan, at_mean: np.ndarray, slopes: np.ndarray, z: np.
 
 
 def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations of samples, and their standard errors from the kurtosis.
+    """Standard deviations of samples, with their standard errors, which follow from the kurtosis (the weight of the
+    tails).
 
     The errors are valid for random samples, and conservative for Latin hypercubes and Sobol' points. Few samples
     underestimate the kurtosis. The estimate used here is unbiased for normal samples, is at least the kurtosis of a

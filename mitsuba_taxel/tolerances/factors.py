@@ -42,7 +42,9 @@ class Factors:
         }
 
     def partial_derivatives(self, law: str) -> dict[str, float]:
-        """Derivatives, with respect to a law, of the parameters that depend on it, at the mean of all laws."""
+        """Derivatives of the scene's parameters with respect to one independent variable (law), at the mean of all
+        variables.
+        """
         means = {other_law.name: 1.0 if other_law.name == law else other_law.mean for other_law in self.laws}
         return {name: value for name, value in self.parameters(means).items() if law in self.products[name]}
 

@@ -155,7 +155,7 @@ class Cell:
 
     @property
     def emitted(self) -> np.ndarray:
-        """Fraction (T,) of the LED's power that reaches each target, a quadrature point of a wall, directly.
+        """Fraction (T,) of the LED's power that falls directly on each target, a quadrature point of a wall.
 
         A target has the power on its part of the wall: sums over targets approximate integrals over walls.
         """
@@ -351,7 +351,8 @@ class Cell:
         return slopes
 
     def gradient(self, wider: float = 1.0) -> np.ndarray:
-        """Derivatives of the reading with respect to the positions of the patches; later calls return the same array.
+        """Derivatives of the reading with respect to the positions of the walls' patches; later calls return the same
+        array.
 
         Parameters
         ----------

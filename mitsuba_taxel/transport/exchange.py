@@ -124,7 +124,7 @@ class Exchange:
             return np.array(value if self._box is None else value * self._passage(self._box).fraction)
 
     def leaving(self) -> np.ndarray:
-        """Heights (N,) in mm of the ends above the horizons of the starts."""
+        """Heights (N,) in mm of the end points above the horizons (tangent planes) of the starting points."""
         with _TURN:
             return np.asarray(self._pairs().leaving)
 
@@ -238,8 +238,8 @@ class _Pairs:
         return self.isotropic / (2 * math.pi) * over * dr.sqrt(over)
 
     def at_horizon(self, width: float) -> Float64:
-        """Derivative of isotropic light due to directions that rise above the horizon of the start, per mm of
-        ``leaving``.
+        """Derivative of isotropic light at the horizon: light that is gained, per mm of ``leaving``, as the end point
+        of a pair rises above the horizon of the start.
 
         Visibility is discontinuous there; its derivative is smoothed over directions within a ``width`` (cosine). On a
         surface of uniform curvature both ends see each other equally: the difference of ``facing`` and ``leaving`` is

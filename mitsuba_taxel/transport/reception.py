@@ -142,7 +142,7 @@ def acceptance(
 
 
 def accepted(end: End, positions: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Result of :func:`acceptance` with the triangle rule of a degree.
+    """Light that a phototransistor accepts from patches, as from :func:`acceptance`, by the triangle rule of a degree.
 
     Parameters
     ----------

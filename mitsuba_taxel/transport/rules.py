@@ -73,8 +73,8 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
 
 @kept(128)
 def differentiated(degree: int) -> np.ndarray:
-    """Matrices (3, C, C) for polynomials with C coefficients: they map the coefficients to themselves, and to those of
-    the derivatives with respect to s and t.
+    """Matrices (3, C, C) for polynomials with C coefficients: the identity, and the derivatives with respect to s and
+    t.
     """
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])

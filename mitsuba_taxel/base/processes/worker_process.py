@@ -26,7 +26,7 @@ class NoAnswer(Exception):
 def answer_of(
     command: Sequence[str], given: bytes, seconds: float, environment: Mapping[str, str] | None = None
 ) -> bytes:
-    """Run a command that may crash, hang or exhaust memory, and return its standard output.
+    """Run a command that may crash, hang or exhaust memory in a separate process, and return its standard output.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ class Comparison(NamedTuple):
 
     @property
     def ranked(self) -> bool:
-        """Whether any variant is within the limits."""
+        """Whether any variant is within the limits, so that there is a ranking."""
         return bool(self.table["rank"].notna().all())
 
 

@@ -70,7 +70,7 @@ def printed_comparison(comparison: Comparison) -> Printed:
 
 
 def ranking_answer(comparison: Comparison) -> str:
-    """The variant that ranks first, its figure and its probability to be the best one, in a line."""
+    """A line that names the variant that ranks first, its figure and its probability of being the best one."""
     if not comparison.ranked:
         return "No variant ranks first: each is more likely to miss the limits than to meet them."
     best = comparison.table.iloc[0]

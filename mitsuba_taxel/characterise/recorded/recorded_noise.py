@@ -166,7 +166,8 @@ def step_of(voltage: np.ndarray) -> float:
 
 
 def with_errors(values: list[np.ndarray], errors: PointErrors, replicates: int) -> list[np.ndarray]:
-    """Create replicates of each run whose scatter equals the stated errors, as figures of merit take replicates.
+    """Create replicates of each run whose scatter equals the stated errors, because figures of merit take their errors
+    from replicates.
 
     Deviations sum to zero over the replicates, and deviations of different points of a run are orthogonal. Points of
     equal voltage have the same error of the converter. The actual error of a value is as large as the deviation of half

@@ -25,7 +25,7 @@ SERIES = ((0.2, 1.0), (0.1, 10.0))
 
 
 class Ramp(NamedTuple):
-    """CPU seconds of a load ramp; only the mesh is cached.
+    """CPU time that a load growing in many steps (a ramp) takes, for three kinds of solution; only the mesh is cached.
 
     Attributes
     ----------
@@ -43,7 +43,9 @@ class Ramp(NamedTuple):
 
 
 def ramp(pad: Pad) -> Ramp:
-    """Measure the CPU time of a load ramp of a pad: viscoelastic, elastic, and elastic without interpolation."""
+    """Measure the CPU time of a load that grows in many steps (a ramp): for a viscoelastic pad, an elastic pad, and an
+    elastic pad without interpolation.
+    """
     law, size = NeoHookean(), pad.default_mesh_size
     values = FORCE * np.arange(1, ROWS + 1)[:, None] / ROWS * [0.0, 0.0, 1.0]
     times = DURATION * np.arange(1, ROWS + 1) / ROWS

@@ -133,8 +133,9 @@ class EstimatorRow:
 
 @dataclass(frozen=True)
 class EstimatorCase:
-    """A comparison: of a reading with and without image connections, or of the difference between two loads with and
-    without paths through material points.
+    """A comparison of two ways to estimate the same number by random paths: a reading with and without image
+    connections (connections over a mirror image), or the difference between two loads with and without paths through
+    material points.
 
     Attributes
     ----------

@@ -169,7 +169,9 @@ def dome_scene(cell: str, roof: dict[str, Any], cells: int = 1, **pad: Any) -> S
 
 
 def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
-    """Measure the rows of the first table, and yield each; ``starting`` is called with its name before."""
+    """Measure the rows of the table of domed cells, and yield each; ``starting`` is called with the name of a row
+    before it is measured.
+    """
     for cell in (*DOMES, *(cell for cell in CELL_SHAPES if cell not in DOMES), *other_cells()):
         for name in WALLS:
             exact = None
@@ -182,7 +184,9 @@ def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
 
 
 def mirrors_of_pads(starting: Callable[[str], None] | None = None) -> Iterator[PadRow]:
-    """Measure the rows for mirrors in other pads, and yield each; ``starting`` is called with its name before."""
+    """Measure the rows of the table of mirrors in other pads, and yield each; ``starting`` is called with the name of a
+    row before it is measured.
+    """
     for load, changes in PADS:
         pad = ", ".join(f"{name} = {value:g}" for name, value in changes.items()) or "default"
         if starting:

@@ -114,7 +114,9 @@ depend on the width.
 
 
 def horizon(starting: Callable[[str], None] | None = None) -> Iterator[HorizonRow]:
-    """Measure the lines, and yield the rows of each; ``starting`` is called with its name before."""
+    """Measure errors of derivatives along lines of designs, and yield the rows of each line; ``starting`` is called
+    with the name of a line before it is measured.
+    """
     for line, (scene, parameter, first, last) in LINES.items():
         if starting:
             starting(line)

@@ -37,7 +37,7 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], int]] = {
 
 @dataclass(frozen=True)
 class RoughRow:
-    """Slopes of the reading of one cell over the force; their errors are relative.
+    """Slopes of the reading of one cell with rough walls over the force, and their relative errors.
 
     Attributes
     ----------
@@ -105,7 +105,9 @@ all walls except the roof absorb, and Lambertian roofs reflect 90 %. All errors 
 
 
 def rough_slopes(starting: Callable[[str], None] | None = None) -> Iterator[RoughRow]:
-    """Measure the cases, and yield a row for each; ``starting`` is called with its name before."""
+    """Measure slopes of cells with rough walls, and yield a row for each case; ``starting`` is called with the name of
+    a case before it is measured.
+    """
     for case, (cell, roof, finish, points) in CASES.items():
         if starting:
             starting(case)

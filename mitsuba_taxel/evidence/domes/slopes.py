@@ -64,8 +64,9 @@ class SlopeRow:
 
 
 def slopes(starting: Callable[[str], None] | None = None) -> Iterator[SlopeRow]:
-    """Measure the states, and yield a row for each derivative; ``starting`` is called with the name of each state
-    before."""
+    """Measure derivatives at several states of pads, and yield a row for each derivative; ``starting`` is called with
+    the name of a state before it is measured.
+    """
     for cell in CELL_SHAPES:
         for force in FORCES:
             if starting:

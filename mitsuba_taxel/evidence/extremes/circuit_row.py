@@ -9,7 +9,7 @@ from typing import ClassVar
 
 @dataclass(frozen=True)
 class CircuitRow:
-    """Result of one circuit case; missing values are NaN.
+    """Result of one extreme case of a circuit; missing values are NaN.
 
     Attributes
     ----------

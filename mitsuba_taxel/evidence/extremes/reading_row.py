@@ -13,7 +13,7 @@ MOST_DEVIATIONS = 4.0
 
 @dataclass(frozen=True)
 class ReadingRow:
-    """Result of one reading case; missing values are NaN.
+    """Result of one extreme case of a reading; missing values are NaN.
 
     Attributes
     ----------

@@ -108,9 +108,11 @@ class PronyFit(NamedTuple):
 
 
 def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
-    """Fit the Prony series to the measured voltage after release, and predict the hold and the hysteresis loops.
+    """Fit a Prony series to the measured voltage after release; with it, predict the force while the pad is held, and
+    the hysteresis loops.
 
-    Missing load paths are computed. Records begin at a travel of ``late`` mm."""
+    Missing load paths are computed. Records begin at a travel of ``late`` mm.
+    """
 
     def computed(terms: Prony) -> np.ndarray:
         return tail_of(hold_and_release(store, press, terms, late))

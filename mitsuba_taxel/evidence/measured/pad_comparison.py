@@ -24,8 +24,8 @@ FINER = 1.05
 
 
 class TaxelComparison(NamedTuple):
-    """Comparison of a pressed taxel: measured and computed at the S measured travels; NaN beyond the end of the
-    computed load path.
+    """A taxel that is pressed by the indenter: measured and computed curve at the S measured travels; NaN beyond the
+    end of the computed load path.
 
     Attributes
     ----------
@@ -52,7 +52,8 @@ class TaxelComparison(NamedTuple):
 
     @property
     def change_error(self) -> np.ndarray:
-        """Error (S,) of the computed change at equal force, in percent of the largest measured change."""
+        """Error (S,) of the computed change of the reading at equal force, in percent of the largest measured change.
+        """
         return 100 * (self.change_at_force - self.measured.change) / self.measured.change.max()
 
 

@@ -32,8 +32,9 @@ def nominal(store: PaperStudies, cell: str) -> dict[str, xr.Dataset]:
 
 
 def normal(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Compute readings under normal forces. Force steps, mesh and number of light paths are chosen for target
-    errors."""
+    """Compute readings of a pad under normal forces. Force steps, mesh and number of light paths are chosen for target
+    errors.
+    """
     targets: dict[str, Any] = {"target_error": TARGET_ERROR, "target_slope": TARGET_SLOPE}
     vary = {"fz": f"0:{-paper.NORMAL_FORCE}"}
     return store.study(
@@ -42,13 +43,14 @@ def normal(store: PaperStudies, cell: str) -> xr.Dataset:
 
 
 def along_x(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Compute readings under tangential forces along x, with the settings of :func:`normal` if the errors of the slopes
-    allow it."""
+    """Compute readings of a pad under tangential forces along x, with the settings of :func:`normal` if the errors of
+    the slopes allow it.
+    """
     return _along_side(store, cell, "fx", settings_of(normal(store, cell)))
 
 
 def along_y(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Compute readings under tangential forces along y, with the settings of :func:`along_x`."""
+    """Compute readings of a pad under tangential forces along y, with the settings of :func:`along_x`."""
     return _along_side(store, cell, "fy", settings_of(along_x(store, cell)))
 
 
@@ -62,7 +64,8 @@ def _along_side(store: PaperStudies, cell: str, path: str, settings: dict[str, A
 
 
 def along_diagonal(store: PaperStudies, cell: str) -> xr.Dataset:
-    """Compute readings under tangential forces along the secondary diagonal, over the magnitude of the force."""
+    """Compute readings of a pad under tangential forces along the secondary diagonal, over the magnitude of the force.
+    """
     forces = np.linspace(0, paper.TANGENTIAL_LIMIT[cell], DIAGONAL_POINTS)
     settings = settings_of(along_x(store, cell))
     return _tangential(store, f"nominal/{cell}_resultant", cell, "resultant", forces, settings)

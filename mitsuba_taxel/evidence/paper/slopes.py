@@ -79,7 +79,8 @@ class ForceCurves(NamedTuple):
 
 
 def curves(study: xr.Dataset, force: str) -> ForceCurves:
-    """Interpolate readings without random numbers and their derivatives by cubic curves.
+    """Curves through readings along a force: cubic polynomials through readings without random numbers and their
+    derivatives.
 
     Raises
     ------

@@ -20,7 +20,7 @@ POISSON_RATIO = 0.49
 
 
 def principal(mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Second and third principal stretch (n,) of a mode at constant volume."""
+    """Second and third principal stretch (n,) of a test mode, such as uniaxial tension, at constant volume."""
     powers = {"uniaxial": (-0.5, -0.5), "planar": (0.0, -1.0), "equibiaxial": (1.0, -2.0)}[mode]
     return stretch ** powers[0], stretch ** powers[1]
 

@@ -68,7 +68,7 @@ class MaterialFit:
 
     @property
     def best(self) -> LawFit:
-        """The best law."""
+        """The law that ranks first."""
         return self.fits[0]
 
     @property

@@ -40,7 +40,7 @@ class CurveNoise(NamedTuple):
 
 
 def taken_up(curve: StressCurve, slack: float) -> np.ndarray:
-    """Stretches (N,) of a curve relative to the length at which the slack is taken up; 1 for rows before."""
+    """Stretches (N,) of a curve relative to the length at which the specimen becomes taut; 1 for rows before."""
     sign = 1.0 if curve.strain.sum() > 0 else -1.0
     return 1 + sign * np.maximum(sign * curve.strain - slack, 0)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 
 class NotSimple(Exception):
-    """Error: edges do not form polygons, or polygons touch themselves or each other."""
+    """Edges do not form simple polygons: they are not closed, or polygons touch themselves or each other."""
 
 
 def triangulated(points: np.ndarray, edges: np.ndarray, strict: bool = True) -> np.ndarray:

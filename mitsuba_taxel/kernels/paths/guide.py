@@ -55,7 +55,7 @@ class Members:
 
 
 class Guide:
-    """Sampling of the scattering triangles of a mesh, by taxel.
+    """Guides light paths: samples the next vertex of a path on those triangles of the same taxel that scatter light.
 
     A point is sampled by a k-d tree over the triangles of a taxel, halved by number and weighted by area, so that
     neighbouring random numbers give neighbouring points.
@@ -136,7 +136,7 @@ class Guide:
         return mi.Point2f(dr.fma(x, low[2], low[0]), dr.fma(y, low[3], low[1]))
 
     def density(self, index: mi.UInt32, uv: mi.Point2f, target: mi.Point2f) -> mi.Float:
-        """Probability density per area, 1/mm², with which :meth:`sample` returns a point.
+        """Probability density per area, 1/mm², with which :meth:`sample` returns a given point of the triangles.
 
         With s = min(2 nearness, 1), the density of uv + s (sample - uv) at a distance d from ``uv`` is D / (2 d), where
         D is the distance from ``uv`` to the edge of the unit square in that direction.

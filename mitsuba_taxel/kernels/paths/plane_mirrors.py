@@ -62,7 +62,7 @@ class PlaneMirrors:
         return self.wall.reflectance * self.specular
 
     def image(self, index: mi.UInt32, p: mi.Point3f) -> tuple[mi.Point3f, mi.Normal3f, mi.Bool]:
-        """Image of a point behind the mirror of a taxel.
+        """Mirror image of a point behind the plane mirror of a taxel.
 
         Parameters
         ----------
@@ -122,7 +122,7 @@ def plane_mirrors(scene: mi.Scene, pair: TaxelPair) -> PlaneMirrors | None:
 
 @contextmanager
 def without_images(scene: mi.Scene) -> Iterator[None]:
-    """Within the block, no path uses image connections.
+    """Trace paths without image connections (connections over the mirror image of a point) within the block.
 
     Readings whose difference is computed must not use them: of a roof at rest and a bent roof, only the former has an
     image, so the noise of the two readings would not cancel.

@@ -26,7 +26,9 @@ Trace = Callable[[Any, Any, Any, Any], Any]
 
 
 class RecordedPaths:
-    """Recorded kernels of the wavefronts of a scene, cached as an attribute of the phototransistor."""
+    """Kernels of Dr.Jit that trace the light paths of a scene, recorded once and used again; cached with the
+    phototransistor.
+    """
 
     def __init__(self) -> None:
         self.state: SceneState | None = None

@@ -13,7 +13,8 @@ import numpy as np
 
 @dr.syntax
 def descend(splits: mi.Float, depth: mi.UInt32, tree: mi.UInt32, sample: mi.Point2f) -> tuple[mi.UInt32, mi.Point2f]:
-    """The leaf to which a tree maps a sample, and the sample rescaled so that it is uniform within the leaf.
+    """The leaf to which a tree maps a point of the unit square (sample), and that point rescaled so that it is uniform
+    within the leaf.
 
     Parameters
     ----------
@@ -81,7 +82,8 @@ def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
 
 
 class MemberTrees:
-    """Trees over M members at scattered positions, halved by number along the two axes alternately.
+    """Binary trees that map the unit square to members, such as triangles, at scattered positions: nearby points lead
+    to nearby members. Each node divides its members in half, along the two axes alternately.
 
     Parameters
     ----------

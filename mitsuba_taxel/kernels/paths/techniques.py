@@ -146,7 +146,8 @@ class Techniques:
         self.follows_mirrors, self.has_mixed_walls = follows_mirrors(scene) if self.sensor_subpaths else (False, False)
 
     def look(self, position: mi.Point2f, direction: mi.Point2f) -> View:
-        """Sample a point of each phototransistor and a direction distributed as its response, and trace a ray.
+        """Sample a point of each phototransistor and a direction distributed as its response, and trace the ray from
+        it.
 
         Parameters
         ----------
@@ -407,7 +408,8 @@ class Techniques:
         specular: mi.Bool,
         mirrored: Mirrored,
     ) -> tuple[mi.Float, mi.Point2f]:
-        """Power [W] of rays that arrive at ``si`` in direction ``d``, and their offset on the phototransistor.
+        """Power [W] of rays that hit a phototransistor at ``si`` in direction ``d``, and the offset of the hit from its
+        centre.
 
         Parameters
         ----------

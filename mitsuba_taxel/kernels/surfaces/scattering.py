@@ -46,7 +46,7 @@ class Scattering(Protocol):
 
 
 class Absorbing:
-    """An absorbing wall."""
+    """Scattering law of an absorbing wall: no light is scattered."""
 
     def __init__(self) -> None:
         self.components = [+mi.BSDFFlags.Empty | _BOTH_SIDES]
@@ -62,7 +62,7 @@ class Absorbing:
 
 
 class SmoothMirror:
-    """A smooth mirror."""
+    """Scattering law of a smooth mirror."""
 
     def __init__(self) -> None:
         self.components = [+mi.BSDFFlags.DeltaReflection | _BOTH_SIDES]
@@ -78,7 +78,7 @@ class SmoothMirror:
 
 
 class Lambertian:
-    """Lambert's cosine law: f = 1 / pi."""
+    """Scattering law of a Lambertian wall: the cosine law, f = 1 / pi."""
 
     def __init__(self) -> None:
         self.components = [+mi.BSDFFlags.DiffuseReflection | _BOTH_SIDES]
@@ -96,7 +96,8 @@ class Lambertian:
 
 
 class Isotropic:
-    """Equal power into equal solid angles for every direction of incidence: f = 1 / (2 pi cos(theta_o)).
+    """Scattering law of an isotropic wall: equal power into equal solid angles for every direction of incidence, f = 1
+    / (2 pi cos(theta_o)).
 
     The law is not reciprocal. For paths from a detector the directions are exchanged, f = 1 / (2 pi cos(theta_i)). They
     are sampled by the cosine law, with the weight 1 / (2 cos(theta_i)).
@@ -121,7 +122,8 @@ class Isotropic:
 
 
 class Mixed:
-    """A mixture of mirror, Lambertian and isotropic wall, which reflect given fractions of the reflected light.
+    """Scattering law of a mixture of mirror, Lambertian and isotropic wall, each with a given fraction of the reflected
+    light.
 
     Components are sampled in proportion to their fractions. The density of a non-specular direction is the sum of both
     non-specular components, so that from the light every weight is 1.
@@ -163,7 +165,8 @@ class Mixed:
 
 
 class RoughMirror:
-    """Perfectly conducting facets with Gaussian slopes: Beckmann's distribution, Smith's shadowing, one reflection.
+    """Scattering law of a rough mirror: perfectly conducting facets with Gaussian slopes (Beckmann's distribution),
+    Smith's shadowing, one reflection.
 
     f = D(h) G1(wi) G1(wo) / (4 cos(theta_i) cos(theta_o)), alpha = sqrt(2) times the root mean square slope along
     either axis (B. Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007, equations 20 and

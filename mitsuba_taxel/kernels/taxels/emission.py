@@ -29,7 +29,7 @@ class EmissionLaw(Protocol):
 
 
 class UniformSolidAngle:
-    """Uniform per solid angle within a cone: density 1 / (2 pi (1 - cos(cone_angle)))."""
+    """Law of an LED whose light is uniform per solid angle within a cone: density 1 / (2 pi (1 - cos(cone_angle)))."""
 
     def __init__(self, cone_angle: float) -> None:
         self.cos_cutoff = dr.opaque(mi.Float, math.cos(math.radians(cone_angle)))
@@ -43,7 +43,9 @@ class UniformSolidAngle:
 
 
 class UniformPolarAngle:
-    """Polar angle uniform in [0, cone_angle]: density 1 / (2 pi cone_angle sin(theta)), unbounded on the axis."""
+    """Law of an LED whose polar angle is uniform in [0, cone_angle]: density 1 / (2 pi cone_angle sin(theta)),
+    unbounded on the axis.
+    """
 
     def __init__(self, cone_angle: float) -> None:
         self.cutoff = dr.opaque(mi.Float, math.radians(cone_angle))
@@ -59,7 +61,7 @@ class UniformPolarAngle:
 
 
 class CosineLaw:
-    """Lambert's cosine law over the whole hemisphere: density cos(theta) / pi."""
+    """Law of an LED that emits by Lambert's cosine law over the whole hemisphere: density cos(theta) / pi."""
 
     def sample(self, sample: mi.Point2f) -> mi.Vector3f:
         return mi.warp.square_to_cosine_hemisphere(sample)
@@ -69,7 +71,8 @@ class CosineLaw:
 
 
 class CosinePower:
-    """Density (exponent + 1) / (2 pi) cos(theta)**exponent over the hemisphere; uniform for exponent 0.
+    """Law of an LED that emits as a power of the cosine over the hemisphere: density (exponent + 1) / (2 pi)
+    cos(theta)**exponent; uniform for exponent 0.
 
     Narrow lobes need 1 - cos(theta), which loses its precision if computed from cos(theta). Hence 1 - exp(-x) = 2 t /
     (1 + t) with t = tanh(x / 2), and log(cos(theta)) = -2 atanh(tan(theta / 2)**2).
@@ -91,7 +94,8 @@ class CosinePower:
 
 
 class Tabulated:
-    """Radiant intensity from a table, linear in the polar angle between its rows and zero beyond the last row.
+    """Law of an LED whose radiant intensity is given by a table: linear in the polar angle between its rows and zero
+    beyond the last row.
 
     The table is refined to 4096 nodes that include all of its rows; for up to 2048 rows, neighbours differ by at most
     0.044 degrees. Between nodes, the intensity is linear in 1 - cos(theta). This intensity is sampled by inversion, and

@@ -61,7 +61,9 @@ class FaceGrid:
         return centre + self.frame.to_world(mi.Vector3f(offset.x, offset.y, 0))
 
     def locate(self, p: mi.Point3f) -> tuple[mi.UInt32, mi.Point2f]:
-        """The face whose centre is nearest to ``p``, and the offset of ``p`` from that centre."""
+        """For a point ``p``: the face (LED or phototransistor) whose centre is nearest, and the offset of ``p`` from
+        that centre.
+        """
         local = self.frame.to_local(p - self.origin)
         column = self._nearest(local.x, self.last[0])
         row = self._nearest(-local.y, self.last[1])

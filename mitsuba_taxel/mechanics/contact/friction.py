@@ -88,8 +88,9 @@ class Friction:
         return np.stack([first, second], axis=1)
 
     def rows(self, tangents: np.ndarray) -> sparse.csr_array:
-        """Derivative (2 m, 3 N) in mm² of the slip at m contact nodes with respect to the displacements of N nodes:
-        first of the slip along the first tangents, then of that along the second."""
+        """Derivative of the slip at m contact nodes with respect to the displacements of N nodes, (2 m, 3 N) in mm²:
+        first of the slip along the first tangents, then of that along the second.
+        """
         x, y, z = (np.concatenate([tangents[:, 0, axis], tangents[:, 1, axis]]) for axis in range(3))
         doubled = [sparse.csr_array(sparse.vstack([rows, rows])) for rows in self._rows]
         return sparse.csr_array(
@@ -109,7 +110,9 @@ class Friction:
     def traction(
         self, tangents: np.ndarray, slip_position: np.ndarray, previous: FrictionState, pressure: np.ndarray
     ) -> np.ndarray:
-        """Traction (m, 3) in MPa at m contact nodes at the end of a step that began with a ``previous`` state."""
+        """Tangential traction (m, 3) in MPa at m contact nodes at the end of a step, from the slip and the pressure.
+        The step began with a ``previous`` state.
+        """
         trial = -self.slip(tangents, slip_position, previous) / self._body.slack[:, None]
         limit = self.coefficient * pressure
         trial_size = np.linalg.norm(trial, axis=1)

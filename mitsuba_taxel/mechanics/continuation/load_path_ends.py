@@ -190,5 +190,5 @@ class Obstacles:
         return self._first.get(segment)
 
     def touch(self, displacement: np.ndarray) -> bool:
-        """Whether the pad touches an obstacle at a displacement (N, 3)."""
+        """Whether the pad touches an obstacle when its N nodes have a displacement (N, 3)."""
         return self._test.find_package(displacement) is not None

@@ -41,7 +41,8 @@ class PathSegments:
         self.branches: dict[LoadSegment, BuckledBranch] = {}
 
     def to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
-        """The segments of the load path to ``value``, each with the distance up to which the path follows it."""
+        """The straight segments of the load path to ``value``, each with the distance up to which the path follows it.
+        """
         normal = normal_part(value)
         others = value - normal
         distance, segments = self._size(others), []
@@ -108,8 +109,9 @@ class PathSegments:
         return self.pad_between(mirrors, segment.ticks if segment else TICKS)
 
     def pad_between(self, mirrors: tuple[Mirror, ...], ticks: int) -> LoadedPad:
-        """The part of the pad between mirrors, which are symmetries of the pad, for a segment with this number of
-        ticks."""
+        """The part of the pad between planes of symmetry (mirrors), with the equations that a segment with this number
+        of ticks needs.
+        """
         return loaded_pad(self._path.mesh, self._path.material, self._path.load, mirrors, self._path.bodies, ticks)
 
     def extend(self, segment: LoadSegment, pad: LoadedPad, s: float, start: Start, touch: Touch) -> None:

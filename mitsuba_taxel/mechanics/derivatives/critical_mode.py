@@ -95,7 +95,9 @@ class CriticalMode:
         try:
             solution, _ = pad.solve_with_tangent(start, state.value + block.of_value(value))
         except Rejected as rejection:
-            raise ComputationError(f"no equilibrium was found after a small change of the pad: {rejection}.") from None
+            raise ComputationError(
+                f"no equilibrium was found after a small change of the pad: {rejection}; a smaller load is needed."
+            ) from None
         model = tangent_blocks(pad)[self._place].model
         on_part = model.part.restrict(*pad.split(solution.unknowns))
         entries = model.evaluate(*on_part, state.value + block.of_value(value)).entries

@@ -21,7 +21,7 @@ from mitsuba_taxel.base.caches import kept
 
 @dataclass(frozen=True, eq=False)
 class PlateRotation:
-    """Rotation of a rigid plate about its pivot, in a numbering of unknowns.
+    """Rotation of a rigid plate about its pivot, as a part of the unknowns of a pad.
 
     Turns are the rotation vector times the ``size``, so that all unknowns are lengths.
 
@@ -32,11 +32,11 @@ class PlateRotation:
     arms : (p, 3) ndarray
         Undeformed positions relative to the pivot, mm.
     size : float
-        Length in mm.
+        Length in mm by which rotations are multiplied.
     unknowns : (k,) ndarray of int
-        The unknowns of the rotation.
+        Numbers of the k unknowns of the rotation among those of the pad.
     spread : (3, k) ndarray
-        Turns from these unknowns.
+        Matrix that multiplies these unknowns to give the turns.
     """
 
     nodes: np.ndarray

@@ -60,7 +60,7 @@ class Factorisation(Protocol):
 
 
 class Solver(Protocol):
-    """Factors a sequence of matrices of one pattern, given by their lower triangles.
+    """Interface of a linear solver: it factors a sequence of matrices of one pattern, given by their lower triangles.
 
     It raises RuntimeError for a singular matrix, and MemoryError for lack of memory.
     """
@@ -90,7 +90,9 @@ _ANALYSED: Recent[Any] = Recent("analysed patterns of matrices", 32)
 
 
 class Rslab:
-    """Factorisation L D L^T by the package `rslab`. The sparsity pattern is analysed once, with the first matrix."""
+    """Linear solver that factors a matrix as L D L^T by the package `rslab`. The sparsity pattern is analysed once,
+    with the first matrix.
+    """
 
     def __init__(self) -> None:
         self._symbolic: Any = None
@@ -146,7 +148,8 @@ def symmetric_product(lower: sparse.csc_matrix, vector: np.ndarray) -> np.ndarra
 
 
 def sum_of_triangles(lower: sparse.csc_matrix, other: sparse.csr_array) -> sparse.csc_matrix:
-    """The sum of two lower triangles, which keeps stored zeros: incompressible solids have zeros on the diagonal.
+    """The sum of two lower triangles of sparse matrices, which keeps stored zeros: incompressible solids have zeros on
+    the diagonal.
 
     Parameters
     ----------
@@ -210,7 +213,8 @@ WITHOUT_EXCHANGES: dict[str, Any] = {
 
 
 class SuperLu:
-    """L U by scipy, without exchanges of rows, so that it gives the inertia.
+    """Linear solver that factors a matrix as L U by scipy, without exchanges of rows, so that it gives the inertia
+    (numbers of positive and negative eigenvalues).
 
     Tangents of pads are quasidefinite: positive over displacements, negative over pressures. Such matrices need no
     pivoting, in any order (R. J. Vanderbei, SIAM J. Optim. 5, 1995), and fill in as little as positive definite

@@ -22,7 +22,7 @@ CUT = 0
 
 
 def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
-    """The mirrors that map a mesh onto itself exactly, each with the image (N,) of each node.
+    """The mirrors that map a mesh exactly onto itself, each with the image (N,) of each of the N nodes.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def node_images(mesh: VolumeMesh) -> dict[Mirror, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class SymmetricPart:
-    """The part of a mesh on the kept side of some mirrors: n of N nodes, and m elements.
+    """The part of a mesh between planes of symmetry (mirrors): n of N nodes, and m elements.
 
     Attributes
     ----------
@@ -95,23 +95,24 @@ class SymmetricPart:
     turn: np.ndarray
 
     def restrict(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (n, 3) and pressure on the part, from those of the whole (N, 3)."""
+        """Displacement (n, 3) and pressure at the nodes of the part, from those of the whole mesh (N, 3)."""
         return displacement[self.nodes], pressure[self.nodes[: self.mesh.corner_count]]
 
     def expand(self, displacement: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (N, 3) and pressure of the whole, from those of a symmetric state of the part (n, 3)."""
+        """Displacement (N, 3) and pressure of the whole mesh, from those of the part (n, 3), for a symmetric state."""
         corners = self._whole_corners
         component, sign = self.components
         return sign * displacement.ravel()[component], pressure[self.source[:corners]]
 
     @cached_property
     def components(self) -> tuple[np.ndarray, np.ndarray]:
-        """Index (N, 3) of the component of the part's displacement that each component of the whole pad's displacement
-        equals, and the sign of the relation."""
+        """For each component of the whole pad's displacement, the component of the part's displacement that it equals
+        up to its sign: index (N, 3) and sign (N, 3).
+        """
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
     def element_images(self, whole: VolumeMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The M elements of the whole as images of elements of the part.
+        """The M elements of the whole mesh, each as the mirror image of an element of the part.
 
         Parameters
         ----------
@@ -150,7 +151,7 @@ class SymmetricPart:
 
 
 def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors: Sequence[Mirror]) -> SymmetricPart:
-    """The part of a symmetric mesh on the kept side of mirrors.
+    """The part of a symmetric mesh on the kept sides of several mirrors.
 
     Parameters
     ----------
@@ -233,8 +234,8 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
 
 
 def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
-    """Signs at the mirror planes of the symmetric part for the stability test by pieces, which are cut along all mirror
-    planes but the last.
+    """Signs of the displacements at the planes of symmetry, for a stability test by pieces: the pad is cut along all
+    planes of symmetry but the last.
 
     Each displacement of the whole pad is a displacement of the pieces, and each displacement of the pieces is the sum
     of a symmetric and an antisymmetric displacement under the last mirror. The result is empty if this does not reduce

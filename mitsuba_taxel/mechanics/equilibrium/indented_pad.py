@@ -60,7 +60,8 @@ class IndentedPad(LoadedPad):
     def friction_state_at(
         self, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> FrictionState | None:
-        """History variables of friction at an equilibrium.
+        """State of the indenter's friction at an equilibrium, from which the next step continues: tractions and
+        positions of the faces.
 
         Parameters
         ----------

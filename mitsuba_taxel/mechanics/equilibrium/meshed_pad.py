@@ -39,14 +39,14 @@ class MeshedPad:
     load : Load
         Load on the whole pad.
     mirrors : sequence of Mirror
-        A group of symmetries of pad and load; only the part between them is solved for.
+        All common planes of symmetry of pad and load; only the part between them is solved for.
     images : Mapping[Mirror, ndarray], optional
         Images of the nodes, from :func:`node_images`; needed with mirrors.
     solver : str, optional
         Name of a linear solver; None for the best available.
     ticks : int
-        Number of ticks, the smallest fractions of a step, from :func:`ticks_of`. The more there are, the smaller the
-        loads at which the residual is still relative to the load.
+        Number of ticks (shortest intervals between solved states) in a step, from :func:`ticks_of`. With more ticks,
+        residuals are compared with smaller loads.
     """
 
     solves_between: ClassVar[bool] = False
@@ -141,7 +141,9 @@ class MeshedPad:
         return max(self._ticks, ticks_of(self.model.assembly.elements, self.numbering.split_rate(response, None)[0]))
 
     def isochoric_stress(self, displacement: np.ndarray) -> np.ndarray:
-        """Second Piola-Kirchhoff stress (m, q, 6) in MPa of the law in the part, at a displacement of the whole pad."""
+        """Isochoric second Piola-Kirchhoff stress (m, q, 6) in MPa in the solved part of the pad, at a displacement of
+        the whole pad.
+        """
         return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
 
     def isochoric_energy(self, displacement: np.ndarray) -> np.ndarray:
@@ -149,7 +151,7 @@ class MeshedPad:
         return self.model.assembly.elements.isochoric_energy(displacement[self.part.nodes])
 
     def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Rate of the second Piola-Kirchhoff stress of the law in the part.
+        """Rate of the isochoric second Piola-Kirchhoff stress in the solved part of the pad.
 
         Parameters
         ----------
@@ -199,7 +201,7 @@ class MeshedPad:
     def rate_in_time(
         self, linearised: Linearised, unknowns: np.ndarray, rate: np.ndarray, value: np.ndarray, stress: np.ndarray
     ) -> np.ndarray:
-        """Rate of the unknowns in equilibrium, from the rates of the load and of an additional stress.
+        """Rate of the unknowns of a pad in equilibrium, from the rate of its load and the rate of an additional stress.
 
         Parameters
         ----------
@@ -231,7 +233,8 @@ class MeshedPad:
     def correction(
         self, linearised: Steps, unknowns: np.ndarray, value: np.ndarray, history: History = NO_HISTORY
     ) -> np.ndarray | None:
-        """Correction that a Newton step with a known tangent subtracts from the unknowns.
+        """Correction of the unknowns by one step of Newton's method with a known tangent; it is subtracted from the
+        unknowns.
 
         Parameters
         ----------
@@ -255,7 +258,7 @@ class MeshedPad:
         return linearised.step(residual, self._plate_gap(unknowns, value))
 
     def response(self, linearised: Linearised, unknowns: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Change of the unknowns due to an additional second Piola-Kirchhoff stress, to first order.
+        """First-order change of the unknowns if a second Piola-Kirchhoff stress is added.
 
         Parameters
         ----------

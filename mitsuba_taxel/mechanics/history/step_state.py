@@ -52,7 +52,9 @@ class StepError:
 
 @dataclass(frozen=True, eq=False)
 class PartMidStep:
-    """The middle of a time step, over the unknowns of the solved part of the pad, as :class:`MidStep` describes it."""
+    """Corrections at the middle of a time step to the interpolated unknowns of the solved part of the pad. ``growth``
+    is the measure of time of the step; ``error`` is the relative size of the remainder, a vector of displacements.
+    """
 
     growth: Growth
     start_velocity: np.ndarray

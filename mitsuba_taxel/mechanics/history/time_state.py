@@ -46,7 +46,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class LoadState:
-    """The load at a time: its value, rate and memory.
+    """The load of a history-dependent pad at a time: its value, rate and memory.
 
     Attributes
     ----------

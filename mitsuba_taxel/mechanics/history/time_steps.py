@@ -46,7 +46,7 @@ Touch = Callable[[LoadedPad, np.ndarray], Contact | None]
 
 
 class RowSteps:
-    """Time steps from one row of the load to the next.
+    """The time steps from one row of a load to the next, for a history-dependent pad.
 
     Parameters
     ----------
@@ -294,8 +294,9 @@ class RowSteps:
         cubics = StepCubics(measures, size, *ends, here.velocity, after.velocity)
 
         def correction(time: float, unknowns: np.ndarray) -> np.ndarray:
-            """Correction that Newton's method would subtract from unknowns within the step, at a time in s since its
-            start."""
+            """Correction by which Newton's method would change the interpolated unknowns at a time in s since the start
+            of a time step.
+            """
             stress_update = here.variables.stress_update(self._material, time, pad.part, growth.until(time))
             value = self._load[0] + (here.fraction + time / self._duration) * self._load[1]
             step = pad.correction(tangent, unknowns, value, History(stress_update))

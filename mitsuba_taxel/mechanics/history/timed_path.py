@@ -41,7 +41,7 @@ class TimedPath(TimedStates):
     @classmethod
     @kept(4)
     def of(cls, path: PadPath, material: Viscoelastic) -> TimedPath:
-        """The path of a pad and material; all callers with equal arguments share one object.
+        """The load path of a history-dependent pad and material; all callers with equal arguments share one object.
 
         Parameters
         ----------

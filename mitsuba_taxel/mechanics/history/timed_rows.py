@@ -21,7 +21,7 @@ DIGEST_SIZE = 32
 
 
 def rubs(load: Load) -> bool:
-    """Whether a load has friction, so that its states depend on earlier states.
+    """Whether a load is an indenter with friction, so that its states depend on earlier states.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ Row = tuple[float, tuple[float, ...]]
 
 
 class LoadHistory:
-    """Rows of a load, and a digest of each that depends on all rows before it.
+    """Values of a load with their times (rows), and for each row a digest that depends on all rows up to it.
 
     The first rows of a history, ``history[:count]``, are shared with it, so the histories of all states of a path take
     time and memory in proportion to their number. Histories are equal if their rows are equal.
@@ -163,8 +163,9 @@ def timed_rows(
 
 
 def rate_is_new(rows: LoadHistory) -> bool:
-    """Whether the load changed its rate at the start of the last row: its next rate may then also last for one row
-    only."""
+    """Whether the rate of the load changed at the start of the last row: its next rate may then also last for one row
+    only.
+    """
     if not rows or rows[-1][0] == (rows[-2][0] if len(rows) > 1 else 0.0):
         return False  # no rate yet, or a jump
     points = [(0.0, np.zeros(len(rows[0][1]))), *(rows[k] for k in range(max(len(rows) - 3, 0), len(rows)))][-3:]

@@ -112,7 +112,7 @@ class CreepResponse:
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """A measure of time that grows from 0 to 1 within a time step of a ``duration`` in s.
+    """A measure of time that grows from 0 to 1 within a time step, faster where the silicone creeps or relaxes faster.
 
     Its rate is ``steady`` plus the sum of ``amplitudes`` exp(-``rates`` t), in 1/s.
     """
@@ -156,10 +156,11 @@ class Growth:
         return Growth(time, self.steady / fraction, self.amplitudes / fraction, self.rates)
 
     def moments(self, times: np.ndarray) -> np.ndarray:
-        """Integrals (k, 3) of exp(-(time to the end) / tau) over the growth, its square and its cube.
+        """How much of a stress that grew within a step has relaxed at its end: integrals (k, 3) of exp(-(time to the
+        end) / tau).
 
-        They are the fractions of these changes that remain at the end of the step, for the relaxation ``times`` (k,)
-        tau in s.
+        They are taken over the growth g, over g² and over g³, and are the fractions of such a stress that remain at the
+        end of the step, for the relaxation ``times`` (k,) tau in s.
         """
         shortest = np.append(times, 1 / self.rates).min()
         time, remaining, weight = _nodes(self.duration, float(shortest))
@@ -171,7 +172,7 @@ class Growth:
 
 @dataclass(frozen=True, eq=False)
 class Measures:
-    """The measures of time within a step as functions of which displacements and pressures change evenly.
+    """Two measures of time within a time step, in which displacements and pressures change evenly.
 
     Attributes
     ----------

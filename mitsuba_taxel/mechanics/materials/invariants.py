@@ -11,7 +11,7 @@ from mitsuba_taxel.mechanics.materials.moduli import Moduli
 
 
 class IsochoricInvariants:
-    """I1 J^(-2/3) and I2 J^(-4/3) of deformation gradients, computed lazily.
+    """The isochoric strain invariants I1 J^(-2/3) and I2 J^(-4/3) of deformation gradients, computed when first needed.
 
     With G = F^-T and H = dI2/dF / 2 = I1 F - F F^T F (G. A. Holzapfel, Nonlinear Solid Mechanics, 2000, sections 6.2
     and 6.4, here by F)::
@@ -34,28 +34,29 @@ class IsochoricInvariants:
 
     @cached_property
     def first(self) -> np.ndarray:
-        """I1 J^(-2/3), (...); 3 without distortion, else larger."""
+        """First isochoric invariant I1 J^(-2/3), an array (...): 3 without distortion, else larger."""
         return self._unstretched * self._i1
 
     @cached_property
     def second(self) -> np.ndarray:
-        """I2 J^(-4/3), (...); 3 without distortion, else larger."""
+        """Second isochoric invariant I2 J^(-4/3), an array (...): 3 without distortion, else larger."""
         return self._unstretched**2 * self._i2
 
     @cached_property
     def first_derivative(self) -> np.ndarray:
-        """d(I1 J^(-2/3))/dF, (..., 3, 3)."""
+        """Derivative d(I1 J^(-2/3))/dF of the first invariant, (..., 3, 3)."""
         deviator = self.gradient - _tensor(self._i1 / 3) * self.inverse_transpose
         return _tensor(2 * self._unstretched) * deviator
 
     @cached_property
     def second_derivative(self) -> np.ndarray:
-        """d(I2 J^(-4/3))/dF, (..., 3, 3)."""
+        """Derivative d(I2 J^(-4/3))/dF of the second invariant, (..., 3, 3)."""
         deviator = self._h - _tensor(2 / 3 * self._i2) * self.inverse_transpose
         return _tensor(2 * self._unstretched**2) * deviator
 
     def curvature(self, w1: Any, w2: Any, pull: Any) -> Moduli:
-        """w1 d2(I1 J^(-2/3))/dF2 + w2 d2(I2 J^(-4/3))/dF2 + p d2J/dF2.
+        """Weighted sum of second derivatives with respect to F: of both invariants and of the volume ratio J, w1 d2(I1
+        J^(-2/3))/dF2 + w2 d2(I2 J^(-4/3))/dF2 + p d2J/dF2.
 
         All dyads with G are summed as G V + V G with one tensor V.
 

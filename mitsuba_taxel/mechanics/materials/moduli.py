@@ -78,7 +78,8 @@ class Moduli:
         return total
 
     def stiffness(self, weight: np.ndarray, gradients: np.ndarray) -> np.ndarray:
-        """Stiffness of m elements: sum over q, j, l of w B_aj A_ijkl B_bl, for `PAIRS` of nodes a and b.
+        """Stiffness matrices of m elements with these moduli: the sum over q, j, l of w B_aj A_ijkl B_bl, for `PAIRS`
+        of nodes a and b.
 
         Parameters
         ----------

@@ -39,16 +39,22 @@ class PrincipalStretches:
 
     @cached_property
     def dyads(self) -> np.ndarray:
-        """Tensors l_a n_a N_a (..., 3, 3, 3); the direction a is the first of the last three indices."""
+        """The terms l_a n_a N_a of the deformation gradient, one for each principal direction a: tensors (..., 3, 3,
+        3), with a as the first of the last three indices.
+        """
         return self._moved[..., :, :, None] * self.axes[..., :, None, :]
 
     def shears(self) -> list[np.ndarray]:
-        """Tensors l_a n_a N_b + l_b n_b N_a, (..., 3, 3), for each pair of `PLANES`."""
+        """The tensors of shear between two principal directions, l_a n_a N_b + l_b n_b N_a, (..., 3, 3), for each pair
+        of `PLANES`.
+        """
         moved, axes = self._moved[..., :, :, None], self.axes[..., :, None, :]
         return [moved[..., a, :, :] * axes[..., b, :, :] + moved[..., b, :, :] * axes[..., a, :, :] for a, b in PLANES]
 
     def material_tensor(self, values: np.ndarray) -> np.ndarray:
-        """Sum (..., 3, 3) of v_a N_a N_a for values v (..., 3)."""
+        """The tensor (..., 3, 3) with given values v (..., 3) along the undeformed principal directions: the sum of v_a
+        N_a N_a.
+        """
         return np.swapaxes(self.axes, -1, -2) @ (values[..., None] * self.axes)
 
     @cached_property

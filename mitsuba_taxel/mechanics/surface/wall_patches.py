@@ -69,12 +69,13 @@ class WallPatches:
         return self.pattern + self.shift
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """Displacement or its rate (F, K, 3) at the lattice points, from that of the elements' N nodes, ``nodal`` (N,
-        3)."""
+        """Displacement or its rate (F, K, 3) at the K lattice points of F faces, from that of the elements' N nodes,
+        ``nodal`` (N, 3).
+        """
         return self._location.interpolate(nodal).reshape(self.rest.shape)
 
     def moved(self, parameter: str, displacement: np.ndarray) -> np.ndarray:
-        """Derivative of the deformed lattice points with respect to a dimension of the pad.
+        """Derivative of the deformed lattice points on the walls with respect to a dimension of the pad.
 
         Parameters
         ----------

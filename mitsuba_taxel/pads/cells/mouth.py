@@ -59,7 +59,8 @@ class Mouth:
         return self.width / math.hypot(1.0, self.slope)
 
     def coordinates(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distances from the side of the sharp cell, and the directions in which they grow.
+        """Distances of points from the side wall of the cell with a sharp mouth, and the directions in which these
+        distances grow.
 
         Parameters
         ----------
@@ -131,7 +132,7 @@ class Mouth:
         return np.column_stack([nearest + sharp[:, :1] * outwards, sharp[:, 1]])
 
     def outline(self) -> np.ndarray:
-        """The meridian (M, 2) of the fillet, from the side to the bottom, mm."""
+        """The outline (M, 2) of the rounded edge in the plane (r, z), from the side to the bottom, mm."""
         angles = np.linspace(math.pi - math.atan(self.slope), 1.5 * math.pi, ARC_POINTS)
         arc = np.column_stack([np.cos(angles), np.sin(angles)])
         return self._centre + [self._core, 0.0] + self.radius * arc

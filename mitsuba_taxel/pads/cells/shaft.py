@@ -37,7 +37,9 @@ class Shaft(CellShape):
 
     @property
     def levels(self) -> list[float]:
-        """Heights in mm between which displacements of the silicone beside the cells are interpolated linearly."""
+        """Heights in mm at which displacements of the silicone beside the cells are known; between them they are
+        interpolated linearly.
+        """
         return [0.0, self.side_height, self.pad.height]
 
     @abstractmethod

@@ -33,7 +33,7 @@ MODEL = "Readings against each input, with the other inputs in the middle of the
 
 
 class CommandOutput(NamedTuple):
-    """Names and captions of the output files of a command, from which a page is made.
+    """Names and captions of the output files of a command such as `taxel fit`, from which a web page is made.
 
     Attributes
     ----------

@@ -70,7 +70,7 @@ class Topologies:
 
 
 class ArrayEncoding:
-    """Encoding of arrays as text in base 64; lengths are 16-bit little-endian multiples of ``unit`` mm."""
+    """Encoding of arrays as base-64 text; lengths are 16-bit little-endian multiples of ``unit`` mm."""
 
     def __init__(self, largest: float) -> None:
         self.unit = max(largest, 1e-6) / SPAN

@@ -110,7 +110,7 @@ def write_picture(pixels: np.ndarray, file: Path) -> None:
 
 
 def with_scale(pixels: np.ndarray, most: float) -> np.ndarray:
-    """Draw a colour scale of contact pressures up to ``most`` MPa into the upper left corner of a picture.
+    """Draw a colour scale for contact pressures up to ``most`` MPa into the upper left corner of a picture.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ def dark_errors(scene: mi.Scene, integrator: mi.Integrator, paths: int, taxels: 
 
 
 def may_be_lit(scene: mi.Scene, integrator: mi.Integrator) -> bool:
-    """Whether light could reach a taxel if more paths were traced."""
+    """Whether light could reach a taxel that has none yet, if more paths were traced."""
     return bool(np.any(dark_errors(scene, integrator, 1, 1) > 0))
 
 

@@ -12,7 +12,7 @@ from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 
 def heed_packages(scene: mi.Scene) -> None:
-    """Make the packages of a scene obstacles for pads with `self_contact`, and refuse any other pad that touches a
+    """Treat the packages of a scene as obstacles of pads with `self_contact`, and refuse any other pad that touches a
     package.
 
     Parameters

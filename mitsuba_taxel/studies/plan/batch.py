@@ -118,12 +118,12 @@ class Batch:
 
     @cached_property
     def roles(self) -> dict[str, tuple[str, int]]:
-        """Role and sign of each parameter, by its name; see `roles_of_parameters`."""
+        """Role and sign of each parameter of the scene, by its name; see `roles_of_parameters`."""
         return roles_of_parameters(self.file)
 
     @property
     def loads(self) -> list[str]:
-        """Names of the parameters that are components of a load."""
+        """Names of the scene's parameters that are components of a load."""
         return loads_among(self.roles)
 
     def as_toml(self) -> dict[str, Any]:

@@ -20,7 +20,7 @@ TARGETS = ("target_error", "target_slope", "points")
 
 
 def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
-    """Merge a requested batch with the stored study of the same scene that it extends.
+    """Merge a requested batch with the stored study that it extends, so that stored results are used again.
 
     Values of a varied parameter are merged. If a parameter is varied in only one of the two studies, its fixed value in
     the other study is included. A table of steps may be continued by further rows. The smaller target error, or the

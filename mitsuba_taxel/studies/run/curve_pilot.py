@@ -32,7 +32,7 @@ MOST_LOADS = 5
 
 
 class CurvePilot:
-    """Pilot run: readings at some loads along one force, from which the noise of slopes is estimated.
+    """A pilot run at some loads along one force, from which the noise of slopes is estimated.
 
     Parameters
     ----------

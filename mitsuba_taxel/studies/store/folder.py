@@ -266,7 +266,7 @@ class Store:
         write_text(self.folder / name, json.dumps(content))
 
     def done(self) -> list[int]:
-        """Numbers of the jobs that have a result."""
+        """Numbers of the jobs whose results are stored."""
         return sorted(_numbered(self.folder / self.results, self.suffix))
 
     def failures(self) -> dict[int, Failure]:
@@ -281,7 +281,7 @@ class Store:
             file.unlink()
 
     def keep(self, job: Job, outcome: JobResult | Failure) -> None:
-        """Store the outcome of a job, which is on disk when this method returns.
+        """Store the outcome of a job on disk before this method returns.
 
         Raises
         ------
@@ -457,7 +457,7 @@ def _failure(file: Path) -> Failure | None:
 
 
 def begin_tree(folder: Path, study: Mapping[str, Any]) -> None:
-    """Create the folder of a study of several scenes, each with a subfolder.
+    """Create the folder of results of a study of several scenes, with a subfolder for each scene.
 
     Parameters
     ----------

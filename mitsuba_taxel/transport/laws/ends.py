@@ -54,7 +54,7 @@ the standard deviation of its angle where that is small."""
 
 @dataclass(frozen=True)
 class CosineFactor:
-    """The law factor * cosine**exponent, for cosines of at least ``cutoff``."""
+    """Angular law factor * cosine**exponent, for cosines of at least ``cutoff``; 0 below."""
 
     factor: float
     exponent: float
@@ -103,7 +103,7 @@ def uniform_cone(cosine: float) -> CosineFactor:
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """An LED or a phototransistor, as L weighted points with an angular law.
+    """An LED or a phototransistor: an end of light paths, as L weighted points with an angular law.
 
     Attributes
     ----------

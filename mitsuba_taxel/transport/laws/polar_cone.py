@@ -17,7 +17,8 @@ right to 3e-6, its derivatives to 3e-4."""
 
 @dataclass(frozen=True)
 class PolarCone:
-    """The density [1/sr] of directions whose polar angle is uniform in [0, ``angle``]: 1 / (2 pi angle sin(theta)).
+    """Law of an LED whose polar angle is uniform in [0, ``angle``]: density 1 / (2 pi angle sin(theta)), without its
+    pole on the axis.
 
     Within :data:`BLUNT` of the axis, or half of the angle, it is a polynomial in cos(theta) with the same value and
     derivatives at the edge, the same power, and the same mean of cos(theta). Where this light meets no edge of a wall,
@@ -33,7 +34,7 @@ class PolarCone:
 
     @property
     def blunt(self) -> float:
-        """Angle in radians round the axis within which the polynomial replaces the law."""
+        """Angle in radians round the axis within which a polynomial replaces the law, which is unbounded there."""
         return min(BLUNT, self.angle / 2)
 
     @property

@@ -54,7 +54,9 @@ class TabulatedLaw:
         return math.acos(self.cosines[np.flatnonzero(outside)[-1]])
 
     def width(self, _: np.ndarray) -> float:
-        """Width of that power of the cosine whose largest slope equals the largest slope of this law."""
+        """Angle in radians over which the law varies substantially: the width of that power of the cosine which has the
+        same largest slope.
+        """
         return min(self._width, ROUND * self.spread)
 
     @cached_property

@@ -16,9 +16,9 @@ LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 class ArrudaBoyce(Material, name="arruda_boyce", rank=4):
     """W = chain_modulus times the sum of C_i (I1^i - 3^i) / locking_stretch^(2 i - 2), i = 1 to 5.
 
-    Eight chains along the diagonals of a cube, each of which stiffens towards its full length; C_i are 1/2, 1/20,
-    11/1050, 19/7000 and 519/673750. (E. M. Arruda and M. C. Boyce, J. Mech. Phys. Solids 41, 389, 1993.) Five terms
-    are softer than the chains by 0.5 % at 0.6 of the locking stretch, 2.4 % at 0.7 and 10 % at 0.8.
+    Strain energy W of eight chains along the diagonals of a cube, each of which stiffens towards its full length; C_i
+    are 1/2, 1/20, 11/1050, 19/7000 and 519/673750. (E. M. Arruda and M. C. Boyce, J. Mech. Phys. Solids 41, 389, 1993.)
+    Five terms are softer than the chains by 0.5 % at 0.6 of the locking stretch, 2.4 % at 0.7 and 10 % at 0.8.
 
     The shear modulus is somewhat larger than `chain_modulus`: 2 dW/dI1 at I1 = 3.
     """

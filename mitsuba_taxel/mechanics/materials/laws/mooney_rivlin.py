@@ -16,10 +16,11 @@ FALLS = ", below it the energy falls without bound in uniaxial tension"
 class MooneyRivlin(Material, name="mooney_rivlin", rank=2):
     """W = c10 (I1 - 3) + c01 (I2 - 3).
 
-    (M. Mooney, J. Appl. Phys. 11, 582, 1940; R. S. Rivlin, Phil. Trans. R. Soc. A 241, 379, 1948.) c10 may not be
-    negative: the energy would be unbounded below in uniaxial tension. A negative c01, as from fits to uniaxial tests
-    alone, makes it unbounded below in equibiaxial tension. It is allowed if stress rises with strain in all modes up to
-    a principal stretch of 1.5; a note on a reading states where a pad is stretched beyond the limit.
+    Strain energy W of the law of Mooney and Rivlin (M. Mooney, J. Appl. Phys. 11, 582, 1940; R. S. Rivlin, Phil. Trans.
+    R. Soc. A 241, 379, 1948). c10 may not be negative: the energy would be unbounded below in uniaxial tension. A
+    negative c01, as from fits to uniaxial tests alone, makes it unbounded below in equibiaxial tension. It is allowed
+    if stress rises with strain in all modes up to a principal stretch of 1.5; a note on a reading states where a pad is
+    stretched beyond the limit.
 
     The shear modulus is mu = 2 (c10 + c01), and must not be 0.
     """

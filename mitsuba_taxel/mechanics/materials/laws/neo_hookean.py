@@ -13,9 +13,8 @@ from mitsuba_taxel.parameters import number
 class NeoHookean(Material, name="neo_hookean", rank=1):
     """W = mu/2 (I1 - 3) with mu = E / (2 (1 + nu)), from a network of Gaussian chains.
 
-    (L. R. G. Treloar, The Physics of Rubber Elasticity, 3rd ed., 1975, chapter 4; isochoric form: Holzapfel 2000,
-    section 6.5.)
-
+    Strain energy W of the neo-Hookean law (L. R. G. Treloar, The Physics of Rubber Elasticity, 3rd ed., 1975, chapter
+    4; isochoric form: Holzapfel 2000, section 6.5).
     """
 
     youngs_modulus: float = number(4.16, "MPa", "Young's modulus at small strain.", above=0, common=(0.005, 100))

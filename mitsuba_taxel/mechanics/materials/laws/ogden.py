@@ -21,10 +21,10 @@ TERMS = (1, 2, 3)
 class Ogden(Material, name="ogden", rank=5):
     """W = sum of 2 mu_i / alpha_i^2 (l1^alpha_i + l2^alpha_i + l3^alpha_i - 3) with one to three terms.
 
-    The l are the isochoric principal stretches. (R. W. Ogden, Proc. R. Soc. A 326, 565, 1972, with the constants of
-    Abaqus and CalculiX.) Constants of the form mu_i' / alpha_i (l1^alpha_i + ...), as in Ogden's paper, COMSOL and
-    Ansys, are converted by mu_i = mu_i' alpha_i / 2. One term with alpha = 2 is :class:`NeoHookean`; two terms with
-    alpha 2 and -2 are :class:`MooneyRivlin`.
+    Strain energy W of Ogden's law; the l are the isochoric principal stretches. (R. W. Ogden, Proc. R. Soc. A 326, 565,
+    1972, with the constants of Abaqus and CalculiX.) Constants of the form mu_i' / alpha_i (l1^alpha_i + ...), as in
+    Ogden's paper, COMSOL and Ansys, are converted by mu_i = mu_i' alpha_i / 2. One term with alpha = 2 is
+    :class:`NeoHookean`; two terms with alpha 2 and -2 are :class:`MooneyRivlin`.
 
     Negative mu_i are allowed if stress rises with strain in all modes up to a principal stretch of 1.5.
 

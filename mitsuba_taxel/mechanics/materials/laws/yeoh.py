@@ -15,9 +15,10 @@ from mitsuba_taxel.parameters import REQUIRED, number
 class Yeoh(Material, name="yeoh", rank=3):
     """W = c10 (I1 - 3) + c20 (I1 - 3)^2 + c30 (I1 - 3)^3.
 
-    (O. H. Yeoh, Rubber Chem. Technol. 66, 754, 1993; two terms without c30.) Negative constants are allowed if the
-    energy rises with I1 at any strain, c10 + 2 c20 x + 3 c30 x^2 > 0 for all x >= 0, or if stress rises with strain in
-    all modes up to a principal stretch of 1.5; a note on a reading states where a pad is stretched beyond the limit.
+    Strain energy W of Yeoh's law (O. H. Yeoh, Rubber Chem. Technol. 66, 754, 1993; two terms without c30). Negative
+    constants are allowed if the energy rises with I1 at any strain, c10 + 2 c20 x + 3 c30 x^2 > 0 for all x >= 0, or if
+    stress rises with strain in all modes up to a principal stretch of 1.5; a note on a reading states where a pad is
+    stretched beyond the limit.
 
     The shear modulus is mu = 2 c10.
     """
