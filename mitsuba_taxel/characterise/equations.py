@@ -103,7 +103,7 @@ def nonlinearity(branch: Branch, largest_change: np.ndarray) -> Deviation:
 
 
 def from_line(branch: Branch, nominal: Branch) -> np.ndarray:
-    """Samples of a branch minus the end-point line of the same or another branch.
+    """Readings of a branch minus the straight line between the ends of the same or another branch.
 
     Parameters
     ----------

@@ -91,7 +91,8 @@ def _by_mode(modes: list[Mode], changed: tuple) -> dict[Mode, list]:
 
 
 def shape_shift(value: np.ndarray, changed: list[np.ndarray]) -> np.ndarray:
-    """Change of a figure of merit by a mode: the larger of its changes up and down, with the sign of the change up.
+    """Change of a figure of merit by a mode (an independent component of the shape error): the larger of its changes up
+    and down, with the sign of the change up.
 
     A figure that is the magnitude of a difference may change little on one side, where the difference changes its sign.
 

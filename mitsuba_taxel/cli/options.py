@@ -60,7 +60,7 @@ class NewFile(click.ParamType):
 
 
 def assignments(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
-    """Convert words ``name=value`` into a dictionary; names must be distinct."""
+    """Convert words ``name=value`` of the command line into a dictionary; names must be distinct."""
     pairs: dict[str, str] = {}
     for word in values:
         name, equals, value = word.partition("=")

@@ -94,7 +94,7 @@ class Direct:
 
     @property
     def is_finer(self) -> bool:
-        """Whether any patch is divided for the finer interpolation."""
+        """Whether the direct response is interpolated on divided patches anywhere."""
         return len(self._subpatches.face) != len(self._emission.positions) or bool((self._subpatches.side != 1).any())
 
     def reception_errors(self, positions: np.ndarray | None = None) -> np.ndarray:

@@ -156,8 +156,9 @@ def errors_of(study: xr.Dataset, finer: xr.Dataset, slow: xr.Dataset, slow_finer
 
 
 def held_change_of(study: xr.Dataset) -> float:
-    """Largest abs(c(t) / c(end) - 1) for all times t from 0.5 s to the end of the hold, where c(t) is the change of the
-    pressed taxel's reading relative to rest."""
+    """Largest relative difference, from 0.5 s on, between the change of the pressed taxel's reading during the hold and
+    its change at the end: the largest abs(c(t) / c(end) - 1), where c(t) is the change relative to rest.
+    """
     change = study.change.sel(taxel=measured.PRESSED).values[1 : 1 + len(HOLD_TIMES)]
     late = change[np.array(HOLD_TIMES) >= 0.5]
     return float(np.abs(late / change[-1] - 1).max())

@@ -38,7 +38,7 @@ class Slices:
 
 
 def sliced(height: np.ndarray, triangles: np.ndarray, chosen: np.ndarray) -> Slices:
-    """Cut triangles where a height, linear on each, is a whole number.
+    """Cut triangles along the planes at which a height is a whole number; the height is linear on each triangle.
 
     Triangles that are not chosen are split only where they share an edge with a chosen one, so that a closed mesh stays
     closed. A triangle that lies in a plane belongs to the band above it.

@@ -80,7 +80,8 @@ def trace_difference(
     replicates: int,
     first_point: int = 0,
 ) -> np.ndarray:
-    """Readings of the second state minus those of the first.
+    """Differences of readings of two states of a scene (the second minus the first), by paths through the same material
+    points.
 
     Parameters
     ----------

@@ -9,7 +9,8 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 
 def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Ray3f:
-    """A ray from a point of a surface in direction ``d`` that does not hit that surface.
+    """A ray from a point of a surface in direction ``d``, with its origin moved by the smallest distance at which it
+    does not hit that surface.
 
     Mitsuba moves the origin by 9e-5 (1 + max|p|): the reading of a plate at 0.1 mm is then half a percent too large,
     and a scene in metres is entirely wrong. Here the offset is what single precision requires: ``clearance`` (see

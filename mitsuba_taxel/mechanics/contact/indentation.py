@@ -147,8 +147,9 @@ class Indentation:
         )
 
     def nodal(self, values: np.ndarray) -> np.ndarray:
-        """Array (2 N, 3) over all nodes, first on the top, then on the outside, from ``values`` (m, 3) at the
-        pressures; 0 at nodes without a pressure."""
+        """Convert values (m, 3) at the contact pressures to an array (2 N, 3) over all nodes, first on the top, then on
+        the outside; 0 at nodes without a pressure.
+        """
         at_nodes = np.zeros((2, len(self._mesh.points), 3))
         at_nodes[self.outside, self.node] = values
         return at_nodes.reshape(-1, 3)

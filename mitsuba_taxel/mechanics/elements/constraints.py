@@ -234,7 +234,7 @@ class _Dofs:
         )
 
     def rotation(self, numbering: Numbering) -> tuple[np.ndarray, np.ndarray]:
-        """Unknown of each component of the rotation, -1 where it is 0, and its factor."""
+        """For each component of the plate's rotation: its unknown (-1 where it is 0), and its factor."""
         roots, fixed = self.root[-1] - 3 * (len(self.root) - 1), self.fixed[-1]
         free = np.unique(roots[~fixed])
         first = numbering.displacements - len(free)  # they are the last displacements

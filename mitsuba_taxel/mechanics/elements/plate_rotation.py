@@ -60,7 +60,7 @@ class PlateRotation:
         return self.spread.T / np.maximum(np.abs(self.spread).sum(axis=0), 1)[:, None]
 
     def turns_of(self, unknowns: np.ndarray) -> np.ndarray:
-        """Turns (3,) in mm of a vector of unknowns."""
+        """Turns (3,) in mm of the plate (rotation vector times its size) for a vector of unknowns."""
         return self.spread @ unknowns[self.unknowns]
 
     def displacement(self, turns: np.ndarray) -> np.ndarray:
@@ -84,7 +84,7 @@ class PlateRotation:
         return np.einsum("kij,pj->pik", first, self.arms) / self.size
 
     def entries(self, displacement: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """Entries that a tangent needs beside those of the elements.
+        """Entries of the tangent that the rotation of the plate adds to those of the elements.
 
         Parameters
         ----------

@@ -264,7 +264,8 @@ class _Share(NamedTuple):
 
 
 class SplitTangent:
-    """The tangent at a symmetric state, over the larger part of a ``pad`` that less symmetric states need.
+    """The tangent at a symmetric state, assembled from its blocks, over the larger part of a ``pad`` that less
+    symmetric states need.
 
     Parameters
     ----------

@@ -187,8 +187,8 @@ class Measures:
     second: Growth | None
 
     def bump(self, time: float) -> tuple[float, float]:
-        """Shape of the error of an interpolation that is cubic in the main measure, scaled to 1 where the main measure
-        is 1/2.
+        """Shape, over a time step, of the error of an interpolation that is cubic in the main measure of time, scaled
+        to 1 where the main measure is 1/2.
 
         It is the residual of the second measure or, if there is none, of the fourth power of the main measure.
 

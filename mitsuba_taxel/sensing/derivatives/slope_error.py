@@ -16,7 +16,7 @@ changes. With this weight, the true errors of 98 % of single cells are less than
 
 
 class Comparison(NamedTuple):
-    """Differences of a cell's reading and P derivatives between two meshes, per W of the LED.
+    """Differences of one cell's reading and of its P derivatives between two finite-element meshes, per W of the LED.
 
     Attributes
     ----------

@@ -184,7 +184,9 @@ class _ProcessPool:
 
 
 def do(job: Job, threads: int) -> JobResult | Failure:
-    """Execute a job in the current worker process, with ``threads`` threads for the mechanics; see `run`."""
+    """Execute a job of a study in the current worker process, with ``threads`` threads for the finite elements; see
+    `run`.
+    """
     set_thread_count(threads)
     return run(job)
 
