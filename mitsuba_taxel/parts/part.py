@@ -26,7 +26,7 @@ _NUMBERS = {*_STAND_INS, "y", "window_x", "window_y", "die_depth", "exponent"}
 
 @dataclass(frozen=True)
 class Side(Checked):
-    """A die (emitter or detector) and the window above it, seen from above.
+    """The die of an emitter or detector, and the window above it, seen from above.
 
     The origin is the centre of the body.
     """
@@ -51,9 +51,7 @@ class Side(Checked):
     )
 
     def relative_to_lambert(self, cosine: np.ndarray) -> np.ndarray:
-        """Response of a detector, or intensity of an emitter, relative to Lambert's law, by the cosine of the angle in
-        air; 1 on the axis.
-        """
+        """Response or intensity relative to Lambert's law, by the cosine of the angle in air; 1 on the axis."""
         return np.ones_like(cosine) if self.exponent is None else cosine ** (self.exponent - 1)
 
     @property
@@ -62,8 +60,7 @@ class Side(Checked):
         return (self.x if self.window_x is None else self.window_x, self.y if self.window_y is None else self.window_y)
 
     def moved(self, shift: tuple[float, float, float]) -> Side:
-        """A copy of the die and its window, in which the die is moved by x, y and z in mm; the window stays in place.
-        """
+        """A copy with the die moved by x, y and z in mm; the window stays in place."""
         x, y = self.window_centre
         return replace(
             self, x=self.x + shift[0], y=self.y + shift[1], die_depth=self.die_depth - shift[2], window_x=x, window_y=y
@@ -82,7 +79,7 @@ class Side(Checked):
         for name, (centres, extents) in (("window", window), ("die", die)):
             for axis, centre, extent, length in zip("xy", centres, extents, body, strict=False):
                 if 2 * abs(centre) + extent > length * (1 + 1e-9):
-                    raise InputError(f"its {name} extends beyond the edge of the body along {axis}: move or shrink it.")
+                    raise InputError(f"its {name} extends beyond the edge of the body along {axis}.")
         if self.die_depth >= body[2]:
             raise InputError(
                 f"die_depth = {self.die_depth:g} is not allowed: less than the height of the body, {body[2]:g}, is "
@@ -171,8 +168,8 @@ class Datasheet:
         if complete.missing:
             raise InputError(
                 f"part {self.name} has no geometry to compute readings with: its file states as unknown "
-                f"{', '.join(complete.missing)}. A file of your own with these numbers is needed, measured or fitted "
-                "by `taxel fit`."
+                f"{', '.join(complete.missing)}. A file of your own with these numbers, measured or fitted by `taxel "
+                "fit`, is needed."
             )
         sides = {role: _side(self.name, role, stated[role], self.body) for role in ("emitter", "detector")}
         values = {entry.name: getattr(complete, entry.name) for entry in fields(Datasheet)}

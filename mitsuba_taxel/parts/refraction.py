@@ -11,7 +11,7 @@ from mitsuba_taxel.parts.part import Side
 POINTS = 2**13
 """Points of the quadrature over dies: curves are accurate to about 0.2 %."""
 ANGLES = 4000
-"""Tabulated angles, between which the angle of a ray is interpolated."""
+"""Tabulated angles, between which the angle of a ray is interpolated; as many as rays if there are fewer."""
 
 
 def refracted(index: float, height: float, depths: float, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -32,17 +32,17 @@ def refracted(index: float, height: float, depths: float, distance: np.ndarray) 
         The angle t in air, and 1 / (2 R) d(sin^2 t)/dR in 1/mm2: the projected solid angle in air per area at the end
         of the ray.
     """
-    angle, sine, cosine = _tabulated_angles()
+    angle, sine, cosine = _tabulated_angles(min(ANGLES, len(distance)))
     resin_cosine = np.sqrt(index**2 - sine**2)
     lateral = height * sine / cosine + depths * sine / resin_cosine
     rate = height / cosine**2 + depths * cosine * index**2 / resin_cosine**3
     return np.interp(distance, lateral, angle), np.interp(distance, lateral, sine * cosine / rate / lateral)
 
 
-@lru_cache(maxsize=1)
-def _tabulated_angles() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@lru_cache(maxsize=4)
+def _tabulated_angles(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles between 0 and 90 degrees, and their sines and cosines, read-only."""
-    angle = np.linspace(0, np.pi / 2, ANGLES + 2)[1:-1]
+    angle = np.linspace(0, np.pi / 2, count + 2)[1:-1]
     table = np.stack([angle, np.sin(angle), np.cos(angle)])
     table.flags.writeable = False
     return table[0], table[1], table[2]

@@ -8,7 +8,7 @@ import pytest
 from taxel_program import run_program
 
 from mitsuba_taxel import InputError
-from mitsuba_taxel.parts import part_names, read_part
+from mitsuba_taxel.parts import part_names, read_datasheet, read_part
 
 pytestmark = pytest.mark.quick
 
@@ -26,10 +26,42 @@ resin_index = 1.4
 
 
 def test_the_catalogue_says_where_its_numbers_are_from():
-    assert part_names() == ["njl5908ar", "vcnt2020"]
+    assert part_names() == ["cny70", "njl5908ar", "qre1113", "tcrt5000", "vcnt2020"]
     for name in part_names():
-        part = read_part(name.upper())
-        assert part.source and part.unknown and part.sources and part.emitter.x < 0 < part.detector.x
+        sheet = read_datasheet(name.upper())
+        assert sheet.source and sheet.unknown and sheet.sources
+        if not sheet.missing:
+            part = read_part(name)
+            assert part.emitter.x < 0 < part.detector.x
+
+
+def test_unknown_numbers_are_read_and_named_where_they_are_needed(tmp_path):
+    (tmp_path / "mine.toml").write_text(
+        OWN.replace("index = 1.4", 'index = "unknown"').replace("die_width = 0.2", 'die_width = "unknown"', 1)
+    )
+    sheet = read_datasheet(tmp_path / "mine.toml")
+    assert sheet.missing == ("resin_index", "emitter.die_width") and sheet.stated["detector"]["die_width"] == 0.2
+    with pytest.raises(InputError, match="states as unknown resin_index, emitter.die_width. A file of your own"):
+        read_part(tmp_path / "mine.toml")
+    part = sheet.with_numbers({"resin_index": 1.5, "emitter.die_width": 0.3})
+    assert part.resin_index == 1.5 and part.emitter.die_width == 0.3 and part.missing == ()
+    with pytest.raises(InputError, match="emitter: its die extends beyond the edge"):
+        sheet.with_numbers({"resin_index": 1.5, "emitter.die_width": 1.5})
+    with pytest.raises(InputError, match="unknown emitter.die_width"):
+        sheet.with_numbers({"resin_index": 1.5})
+
+
+def test_what_is_known_of_a_part_is_shown_and_a_reading_of_it_refused(tmp_path):
+    shown = run_program(tmp_path, "parts", "tcrt5000").stdout
+    assert "No reading can be computed" in shown and "lenses" in shown and "2.5" in shown
+    (tmp_path / "scene.xml").write_text(
+        '<scene version="3.9.0"><shape type="photo_reflector"><string name="part" value="tcrt5000"/></shape></scene>'
+    )
+    drawn, circuit = ("parts", "tcrt5000", "-o", "a.png"), ("new", "circuit", "--part", "tcrt5000")
+    for words in (drawn, circuit, ("render", "scene.xml")):
+        refused = run_program(tmp_path, *words)
+        assert refused.returncode == 2 and "unknown resin_index, emitter.x" in refused.stderr
+        assert refused.stderr.count("\n") == 1
 
 
 def test_a_part_of_ones_own(tmp_path):
@@ -48,6 +80,9 @@ def test_a_part_of_ones_own(tmp_path):
         ("wavelength", "length", "length is not known"),
         ("x = -0.5\n", "", "emitter: x is missing"),
         ("x = -0.5\n", "x = -0.5\nz = 1\n", "z of emitter is not known"),
+        ("x = -0.5\n", "x = 'unknown'\nwindow_shape = 'unknown'\n", "window_shape = 'unknown' is not allowed"),
+        ("x = -0.5\n", "x = 'unknown'\ndie_depth = -1\n", "emitter: die_depth = -1"),
+        ("body = [2, 1, 0.5]", "body = 'unknown'", "body = 'unknown' is not allowed"),
         ("x = -0.5\n", "x = -0.5\ndie_depth = -1\n", "emitter: die_depth = -1"),
         ("x = -0.5\n", "x = -0.5\nwindow_shape = 'star'\n", "window_shape = 'star'"),
         ("x = -0.5\n", "x = -0.8\n", "emitter: its window extends beyond the edge of the body along x"),

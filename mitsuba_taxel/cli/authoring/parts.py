@@ -31,7 +31,7 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
     Prints its body, windows and dies; values of the datasheet, their source, and missing values; and the computed
     current under a mirror or white card beside that of the datasheet.
     """
-    from mitsuba_taxel.parts import leaving_share, part_names, read_part
+    from mitsuba_taxel.parts import leaving_share, part_names, read_datasheet
 
     from ..tables import print_json, print_table
 
@@ -40,13 +40,22 @@ def command(name: str | None, file: Path | None, height: float | None, as_json: 
             raise click.UsageError("-o is not allowed without a part: name one.")
         if height is not None:
             raise click.UsageError("--edges is not allowed without a part: name one.")
-        parts = [read_part(name) for name in part_names()]
+        parts = [read_datasheet(name) for name in part_names()]
         if as_json:
             print_json([{"name": part.name, "title": part.title, "source": part.source} for part in parts])
         else:
             print_table(("part", "what it is"), ((part.name, part.title) for part in parts))
         return
-    part = read_part(name)
+    sheet = read_datasheet(name)
+    if sheet.missing and file is None and height is None:
+        if as_json:
+            from dataclasses import asdict
+
+            print_json({**asdict(sheet), "missing": sheet.missing})
+        else:
+            _show_datasheet(sheet)
+        return
+    part = sheet.with_numbers({})
     edges = _edges(part, height)
     if file is not None:
         _draw(part, file)
@@ -105,11 +114,37 @@ def _show_edges(edges: dict[str, list[float]], height: float) -> None:
     print_table(("along", "10 % [mm]", "50 % [mm]", "90 % [mm]"), rows)
 
 
+def _show_datasheet(sheet) -> None:
+    """Print what is known of a part whose geometry is not."""
+    from ..tables import print_table, say
+
+    say(f"{sheet.title}\nSource: {sheet.source}")
+    say(f"Body {' x '.join(f'{side:g}' for side in sheet.body)} mm, {sheet.wavelength:g} nm")
+    say(f"No reading can be computed, because the file states as unknown: {', '.join(sheet.missing)}.")
+    _show_figures(sheet)
+    if sheet.distance_curve:
+        say(f"\nCurrent under a {sheet.distance_reflector}, relative to the largest")
+        print_table(("height [mm]", "datasheet"), ((f"{z:g}", f"{current:.1%}") for z, current in sheet.distance_curve))
+
+
+def _show_figures(part) -> None:
+    from ..tables import print_table, print_text_table, say
+
+    if part.electrical:
+        say()
+        print_table(("figure", "value"), ((name, f"{value:g}") for name, value in part.electrical.items()))
+    if part.unknown:
+        say(f"\nNot known: {', '.join(part.unknown)}.")
+    if part.sources:
+        say()
+        print_text_table(("number", "its source; all other numbers are from the source above"), part.sources.items())
+
+
 def _show(part) -> None:
     from mitsuba_taxel.parts import leaving_share
     from mitsuba_taxel.parts.part import REFLECTORS
 
-    from ..tables import print_table, print_text_table, say
+    from ..tables import print_table, say
 
     say(f"{part.title}\nSource: {part.source}")
     say(
@@ -132,14 +167,7 @@ def _show(part) -> None:
         ),
     )
     say(f"\nOf the light that the emitter sends into the resin, {leaving_share(part):.1%} leaves the window.")
-    if part.electrical:
-        say()
-        print_table(("figure", "value"), ((name, f"{value:g}") for name, value in part.electrical.items()))
-    if part.unknown:
-        say(f"\nNot known: {', '.join(part.unknown)}.")
-    if part.sources:
-        say()
-        print_text_table(("number", "its source; all other numbers are from the source above"), part.sources.items())
+    _show_figures(part)
     curve = _curve(part)
     if curve:
         say(f"\nCurrent under a {part.distance_reflector}, relative to the largest")

@@ -18,6 +18,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.fitting.part.distances import DistanceCurve, read_distances
 from mitsuba_taxel.parts import Datasheet, Part, distance_model, read_datasheet
 from mitsuba_taxel.parts.part import UNKNOWN
+from mitsuba_taxel.parts.refraction import sobol_points
 
 CONFIDENCE = 0.95
 SMALLEST_DIE = 0.02
@@ -26,12 +27,12 @@ INDICES = (1.3, 1.7)
 """Range of refractive indices of clear silicones and epoxies."""
 FLOOR = {"mirror": 5e-4, "white card": 5e-3}
 """Least noise, relative to the largest current, by reflector: the error of the computed curve."""
-POINTS = {"mirror": 2**11, "white card": 2**13}
+POINTS = {"mirror": 2**10, "white card": 2**12}
 """Rays per height, by reflector."""
 WIDE = 0.5
 """Length of an interval, relative to the range, from which a curve does not determine an unknown."""
-_STARTS = ((0.3, 0.1, 0.5), (0.8, 0.02, 0.5), (0.5, 0.3, 0.5))
-"""Starting points: sizes, depth and index, relative to their ranges."""
+_STARTED = 3
+"""Starting points: the best of quasi-random points of the ranges."""
 _STEP = 0.01
 _RESTARTS = 6
 
@@ -204,7 +205,7 @@ def _least_squares(
 
     # The best of several starts, then the profile of each unknown; a better minimum on a profile starts anew.
     every = np.ones(len(unknowns), dtype=bool)
-    best = min((_minimum(residual, _start(unknowns, start), every) for start in _STARTS), key=lambda found: found[1])
+    best = min((_minimum(residual, start, every) for start in _starts(residual, len(unknowns))), key=lambda m: m[1])
     for _ in range(_RESTARTS):
         ends, better = _profiles(residual, best, free, FLOOR[sheet.distance_reflector])
         if better[1] >= best[1]:
@@ -214,10 +215,11 @@ def _least_squares(
     return low + best[0] * span, ranges, model(best[0])
 
 
-def _start(unknowns: list[PartUnknown], start: tuple[float, float, float]) -> np.ndarray:
-    size, depth, index = start
-    by_name = {"depth": depth, "resin_index": index}
-    return np.array([by_name.get(unknown.name, size) for unknown in unknowns])
+def _starts(residual: Callable[[np.ndarray], np.ndarray], number: int) -> list[np.ndarray]:
+    """Starting points, from 0 to 1 along each unknown: small sums of squares are often in several valleys."""
+    trials = sobol_points(number, 2 ** (3 + number)) + 0.5
+    squares = np.array([np.sum(residual(trial) ** 2) for trial in trials])
+    return [trials[index] for index in squares.argsort()[:_STARTED]]
 
 
 def _minimum(
@@ -235,17 +237,17 @@ def _minimum(
         return whole
 
     def slopes(free: np.ndarray) -> np.ndarray:
-        columns = []
+        here, columns = residual(at(free)), []
         for number in range(len(free)):
-            upper, lower = free.copy(), free.copy()
-            upper[number] = min(free[number] + _STEP, 1.0)
-            lower[number] = max(free[number] - _STEP, 0.0)
-            columns.append((residual(at(upper)) - residual(at(lower))) / (upper[number] - lower[number]))
+            step = _STEP if free[number] < 0.5 else -_STEP
+            moved = free.copy()
+            moved[number] += step
+            columns.append((residual(at(moved)) - here) / step)
         return np.stack(columns, axis=1)
 
     inside = np.clip(start[is_free], 1e-6, 1 - 1e-6)
     found = least_squares(
-        lambda free: residual(at(free)), inside, jac=slopes, bounds=(0, 1), xtol=1e-5, ftol=1e-5, max_nfev=30
+        lambda free: residual(at(free)), inside, jac=slopes, bounds=(0, 1), xtol=1e-4, ftol=1e-4, max_nfev=15
     )
     return at(found.x), 2 * float(found.cost)
 
@@ -276,7 +278,7 @@ def _profiles(
                     inner, point = trial, found[0]
                 else:
                     outer = trial
-                if inner == limit or abs(outer - inner) < 0.03 * abs(outer - values[number]) + 1e-3:
+                if inner == limit or abs(outer - inner) < 0.05 * abs(outer - values[number]) + 1e-3:
                     break
                 trial = 0.5 * (inner + outer)
             pair.append(inner if inner == limit else 0.5 * (inner + outer))
