@@ -16,7 +16,7 @@ import numpy as np
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.arguments import check_flags, check_seed, check_whole, is_number
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.sensing.camera_view import REPLICATES, view_of
+from mitsuba_taxel.sensing.camera_view import REPLICATES, refuse_large_films, view_of
 from mitsuba_taxel.sensing.reading.mechanics_error import moved
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
@@ -125,7 +125,8 @@ def camera_image(
     ------
     InputError
         if a value is not allowed; if the scene has no camera or several cameras, no light, an integrator or lights for
-        photo-reflectors, or an image larger than memory; or if the camera does not see the coat of a pad.
+        photo-reflectors, or an image larger than memory; or if the camera does not see the coat of a pad, or no light
+        reaches it.
     """
     check_seed(seed)
     if samples is not None and target_error is not None:
@@ -135,6 +136,8 @@ def camera_image(
     if target_error is not None and not (is_number(target_error) and 0 < target_error < 1):
         raise InputError(f"target_error = {target_error!r} is not allowed: a number between 0 and 1 is needed.")
     check_flags(difference=difference)
+    if isinstance(scene, Scene):
+        refuse_large_films(scene)
     live = scene.load() if isinstance(scene, Scene) else scene
     view = view_of(live)
     began = time.perf_counter()
@@ -145,6 +148,14 @@ def camera_image(
         if error > target_error:
             count, run = min(power_of_four(math.ceil(count * (error / target_error) ** 2)), MOST_SAMPLES), 1
             images = _replicates(live, view.camera, count, seed, run, progress)
+    # Pixels at the border of the coat show what is beside it as well.
+    padded = np.pad(view.coat, 1)
+    inside = view.coat & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+    if inside.any() and not images.any(axis=0)[inside].any():
+        raise InputError(
+            f"no light reaches the coat, of {count * REPLICATES} paths from each pixel: turn a light towards the coat, "
+            "and give the regions outer and bottom, where light enters, the BSDF null."
+        )
     changes: tuple[np.ndarray, np.ndarray] | tuple[()] = ()
     if difference:
         pads = deformed_pads(live)

@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.protocols import PadShape, is_led, is_pad, is_phototransistor
 from mitsuba_taxel.pads.regions import REGIONS
+from mitsuba_taxel.sensing.scene.description import Scene
+from mitsuba_taxel.sensing.scene.parsing import parser_config
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
 if TYPE_CHECKING:
@@ -24,6 +27,8 @@ BYTES_PER_SAMPLE = 400
 """Memory in bytes per traced path, measured with scenes of a few plugins."""
 BYTES_PER_PIXEL = 2 * 8 * 3 * REPLICATES
 """Memory in bytes per pixel for the images of all replicates, and their copy."""
+FILM = 768, 576
+"""Default width and height of films of Mitsuba, in pixels."""
 MOST_SURFACES = 16
 """Largest number of clear surfaces through which the depth is measured."""
 
@@ -74,7 +79,7 @@ def view_of(scene: mi.Scene) -> View:
         if the scene's image cannot be computed; see `camera_image`.
     """
     camera = _camera_of(scene)
-    _refuse_large(camera)
+    _refuse_large(*map(int, camera.film().crop_size()))
     return _view(scene, camera)
 
 
@@ -102,11 +107,37 @@ def _camera_of(scene: mi.Scene) -> mi.Sensor:
     return cameras[0]
 
 
-def _refuse_large(camera: mi.Sensor) -> None:
+def refuse_large_films(scene: Scene) -> None:
+    """Refuse a scene with a film whose image does not fit into the free memory, before anything is built or deformed.
+
+    Parameters
+    ----------
+    scene : Scene
+        Description of the scene.
+
+    Raises
+    ------
+    InputError
+        if there is such a film, or the description is refused.
+    """
+    import mitsuba as mi
+
+    with scene.files_beside_it():
+        try:
+            nodes = scene.parsed(parser_config(activate_variant())).nodes
+        except RuntimeError:  # Mitsuba's own, which is raised again when the scene is loaded
+            return
+    for film in (node.props for node in nodes if node.type == mi.ObjectType.Film):
+        width, height = (film.get(name, default) for name, default in zip(("width", "height"), FILM, strict=True))
+        sizes = film.get("crop_width", width), film.get("crop_height", height)
+        if all(isinstance(size, int) for size in sizes):
+            _refuse_large(*sizes)
+
+
+def _refuse_large(width: int, height: int) -> None:
     """Raise for a film whose image does not fit into the free memory."""
     from mitsuba_taxel.mechanics.elements.memory import free_memory
 
-    width, height = map(int, camera.film().crop_size())
     needed, free = float(width) * height * (BYTES_PER_SAMPLE + BYTES_PER_PIXEL), free_memory()
     if needed > free:
         raise InputError(

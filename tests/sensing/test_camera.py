@@ -10,6 +10,7 @@ import pytest
 from camera_scene import DEPTH, DISTANCE, FIELD, HEIGHT, PIXELS, REFLECTANCE, SIDE, WIDTH, led, scene
 
 from mitsuba_taxel import InputError
+from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.camera import camera_image
 from mitsuba_taxel.sensing.image_file import write_image
 
@@ -108,6 +109,22 @@ def test_a_target_error_is_reached(llvm_mono):
 def test_scenes_without_an_image_are_refused_in_one_line(llvm_mono, changes, message):
     with pytest.raises(InputError, match=message) as refused:
         camera_image(scene(led(0.0, 0.0, -3.0), **changes), samples=1)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_film_larger_than_memory_is_refused_before_the_pad_is_deformed(llvm_mono, monkeypatch):
+    monkeypatch.setattr(Scene, "load", lambda self: pytest.fail("the scene was built"))
+    with pytest.raises(InputError, match="width = 2000000, height = 30000 of the film are not allowed"):
+        camera_image(scene(led(0.0, 0.0, -3.0), pixels=(2_000_000, 30_000)), samples=1)
+
+
+@pytest.mark.parametrize("opaque", ["window", "back"])
+def test_a_coat_that_no_light_reaches_is_refused(llvm_mono, opaque):
+    dark = {"outer": {"type": "diffuse"}} if opaque == "window" else {}
+    # A light beside the block with opaque sides; or one that is turned away from the coat.
+    light = led(14.0, 0.0, 2.0, -90.0) if opaque == "window" else led(6.0, 0.0, -3.0, 180.0)
+    with pytest.raises(InputError, match="no light reaches the coat, of 16 paths from each pixel") as refused:
+        camera_image(scene(light, **dark), samples=1)
     assert "\n" not in str(refused.value)
 
 
