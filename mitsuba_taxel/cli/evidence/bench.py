@@ -218,6 +218,23 @@ def rough_command(markdown: Path | None) -> None:
         write_page(rows, markdown, f"taxel bench rough --markdown {markdown}")
 
 
+@command.command("parts", short_help="Curves of photo-reflectors beside their datasheets.")
+@markdown_option
+@debug_option
+def parts_command(markdown: Path | None) -> None:
+    """Print computed currents over distance beside those of datasheets, and candidates for the dies of the VCNT2020."""
+    from mitsuba_taxel.evidence.measured import part_curves
+
+    from ..tables import print_text_table, say
+
+    rows, candidates = part_curves.part_rows(), part_curves.explanations()
+    print_text_table(part_curves.HEADINGS, map(part_curves.cells, rows))
+    say()
+    print_text_table(part_curves.EXPLANATION_HEADINGS, map(part_curves.explanation_cells, candidates))
+    if markdown:
+        part_curves.write_page(rows, candidates, markdown, f"taxel bench parts --markdown {markdown}")
+
+
 @command.command("estimators", short_help="Estimators of random paths against plain paths.")
 @click.option("--only", metavar="PATTERN", help="Only scenes whose name contains this; * and ? are wildcards.")
 @csv_option

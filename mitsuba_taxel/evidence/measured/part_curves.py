@@ -1,0 +1,295 @@
+"""Curves of photo-reflectors beside those of their datasheets: distances of a reflector, and a mirror's edge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.base.files.markdown import markdown_table
+from mitsuba_taxel.parts import MirrorRays, Part, distance_model, mirror_rays, part_names, read_datasheet
+from mitsuba_taxel.parts.part import Side
+from mitsuba_taxel.parts.refraction import passes_window, sobol_points
+from mitsuba_taxel.plots.figures import COLOURS, panel_axes
+
+EDGE_WIDTH = 0.427
+"""Measured width along x, from 10 to 90 % of the current, of the edge of a mirror over a VCNT2020, mm."""
+EDGE_HEIGHT = 1.0
+"""Height of that mirror, mm; assumed, as the source of the width does not state it."""
+ALLOWED = 0.03
+"""Allowed miss of the distance curve, relative to its peak."""
+WHITE_PAPER = (
+    (0.25, 0.556), (0.4, 0.870), (0.5, 0.964), (0.6, 0.993), (0.75, 0.980), (1.0, 0.871), (1.25, 0.756), (1.5, 0.642),
+    (2.0, 0.428), (2.5, 0.302), (3.0, 0.224), (4.0, 0.132), (5.0, 0.088),
+)  # fmt: skip
+"""Current of the QRE1113 under white paper, by height in mm: figure 1 of its datasheet, the full line."""
+
+
+@dataclass(frozen=True)
+class PartRow:
+    """A part, and its computed curve beside that of its datasheet.
+
+    Attributes
+    ----------
+    name, reflector : str
+        Part, and reflector of the curve.
+    heights, sheet, model : (N,) ndarray
+        Heights in mm, and currents of the datasheet and of the dies, relative to the largest; no model if the geometry
+        is unknown.
+    missing : tuple[str, ...]
+        Unknown numbers.
+    """
+
+    name: str
+    reflector: str
+    heights: np.ndarray
+    sheet: np.ndarray
+    model: np.ndarray | None
+    missing: tuple[str, ...] = ()
+
+    @property
+    def worst(self) -> tuple[float, float]:
+        """Largest difference, relative to the peak, and its height in mm."""
+        assert self.model is not None
+        difference = self.model - self.sheet
+        index = int(np.abs(difference).argmax())
+        return float(difference[index]), float(self.heights[index])
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What may light and receive in a VCNT2020, and the curves that follow.
+
+    Attributes
+    ----------
+    name : str
+        In words.
+    miss : float
+        Largest difference from the distance curve, relative to the peak.
+    x_width, y_width : float
+        Width of a mirror's edge from 10 to 90 % of the current, mm.
+    curve : (N,) ndarray
+        Computed currents at the rows of the datasheet, relative to the largest.
+    """
+
+    name: str
+    miss: float
+    x_width: float
+    y_width: float
+    curve: np.ndarray
+
+
+def part_rows() -> list[PartRow]:
+    """Rows of all parts of the catalogue that have a distance curve."""
+    rows = []
+    for name in part_names():
+        sheet = read_datasheet(name)
+        if sheet.distance_curve:
+            heights, currents = np.array(sheet.distance_curve).T
+            model = None if sheet.missing else _relative(sheet.with_numbers({}), heights)
+            rows.append(PartRow(name, sheet.distance_reflector, heights, currents, model, sheet.missing))
+    heights, currents = np.array(WHITE_PAPER).T
+    paper = replace(read_datasheet("qre1113").with_numbers({}), distance_reflector="white card")
+    rows.append(PartRow("qre1113, predicted", "white paper", heights, currents, _relative(paper, heights)))
+    return rows
+
+
+def _relative(part: Part, heights: np.ndarray) -> np.ndarray:
+    """Computed currents (N,), relative to the largest between the heights."""
+    model = distance_model(part, heights)
+    around = np.linspace(*np.sort(heights[np.abs(heights - heights[model.argmax()]).argsort()][:3])[[0, -1]], 12)
+    return model / max(model.max(), distance_model(part, around).max())
+
+
+def explanations() -> list[Explanation]:
+    """Candidates for what lights and receives in a VCNT2020; numbers were found by a search, see the page."""
+    part = read_datasheet("vcnt2020").with_numbers({})
+
+    def dies(sizes: tuple[float, float], length: float, depths: tuple[float, float], index: float = 1.5) -> Part:
+        sides = {
+            role: replace(getattr(part, role), die_width=size, die_length=length or size, die_depth=depth)
+            for role, size, depth in zip(("emitter", "detector"), sizes, depths, strict=True)
+        }
+        return replace(part, resin_index=index, **sides)
+
+    def whole(side: Side) -> Side:
+        return replace(side, y=0.0, die_width=side.window_width, die_length=side.window_length, die_depth=0.0)
+
+    windows = replace(part, emitter=whole(part.emitter), detector=whole(part.detector))
+    rows: list[tuple[str, Callable[[float], MirrorRays]]] = [
+        (name, lambda height, of=of: mirror_rays(of, height))
+        for name, of in (
+            ("dies of 0.35 and 0.40 mm, 0.1 mm deep (the catalogue)", part),
+            ("dies of 0.29 and 0.63 mm, 0.62 mm deep, index 1.3", dies((0.289, 0.634), 0, (0.615, 0.615), 1.3)),
+            ("dies of 0.77 mm, 0.1 mm deep", dies((0.77, 0.77), 0, (0.1, 0.1))),
+            ("squares of 0.79 and 0.78 mm at the surface", dies((0.788, 0.781), 0.77, (0.004, 0.003))),
+            ("0.70 and 0.90 mm along x, 1.0 mm along y", dies((0.697, 0.903), 1.0, (0.022, 0.039))),
+            ("0.72 and 0.89 mm along x, 1.65 mm along y", dies((0.722, 0.893), 1.65, (0.047, 0.039))),
+            ("whole windows, evenly", windows),
+        )
+    ]
+    rows += [
+        (f"a scattering surface {depth:g} mm above small dies", lambda height, d=depth: scattered_rays(part, d, height))
+        for depth in (0.2, 0.6)
+    ]
+    return [_explanation(part, name, rays) for name, rays in rows]
+
+
+def scattered_rays(part: Part, depth: float, height: float) -> MirrorRays:
+    """Rays between windows that scatter by Lambert's law, irradiated from, and seen by, small dies below.
+
+    Parameters
+    ----------
+    part : Part
+        Emitter and detector; both dies count as points.
+    depth : float
+        Depth of the dies below the scattering surface, mm.
+    height : float
+        Height of the mirror, mm.
+
+    Returns
+    -------
+    MirrorRays
+        Points of reflection, and powers in an arbitrary unit.
+    """
+    uniform, places, weight = sobol_points(4), [], np.ones(1)
+    for side, numbers in ((part.emitter, uniform[:, :2]), (part.detector, uniform[:, 2:])):
+        place = numbers * [side.window_width, side.window_length] + side.window_centre
+        squared = np.sum((place - [side.x, side.y]) ** 2, axis=1)
+        weight = weight * passes_window(side, place) * depth**2 / (squared + depth**2) ** 2
+        places.append(place)
+    squared = np.sum((places[0] - places[1]) ** 2, axis=1)
+    return MirrorRays((places[0] + places[1]) / 2, weight * (2 * height) ** 2 / (4 * height**2 + squared) ** 2)
+
+
+def _explanation(part: Part, name: str, rays: Callable[[float], MirrorRays]) -> Explanation:
+    heights, sheet = np.array(part.distance_curve).T
+    curve = np.array([rays(height).power.sum() for height in heights])
+    around = max(rays(height).power.sum() for height in np.linspace(0.4, 0.7, 7))
+    curve /= max(around, curve.max())
+    at = rays(EDGE_HEIGHT)
+    return Explanation(name, float(np.abs(curve - sheet).max()), edge_width(at, 0), edge_width(at, 1), curve)
+
+
+def edge_width(rays: MirrorRays, axis: int) -> float:
+    """Distance that the edge of a mirror moves along an axis from 10 to 90 % of the current, mm."""
+    order = np.argsort(rays.places[:, axis])
+    passed = np.cumsum(rays.power[order]) / rays.power.sum()
+    low, high = np.interp([0.1, 0.9], passed, rays.places[order, axis])
+    return float(high - low)
+
+
+HEADINGS = ("part", "reflector", "brightest at [mm]", "computed [mm]", "largest difference [% of the peak]", "at [mm]")
+
+
+def cells(row: PartRow) -> list[str]:
+    """Texts of a row, by `HEADINGS`."""
+    at = f"{row.heights[row.sheet.argmax()]:g}"
+    if row.model is None:
+        return [row.name, row.reflector, at, "-", "geometry unknown", "-"]
+    worst, height = row.worst
+    return [row.name, row.reflector, at, f"{row.heights[row.model.argmax()]:g}", f"{100 * worst:+.1f}", f"{height:g}"]
+
+
+EXPLANATION_HEADINGS = ("what lights and receives", "distance curve, miss [%]", "edge along x [mm]", "along y [mm]")
+
+
+def explanation_cells(row: Explanation) -> list[str]:
+    """Texts of a candidate, by `EXPLANATION_HEADINGS`."""
+    return [row.name, f"{100 * row.miss:.1f}", f"{row.x_width:.3f}", f"{row.y_width:.3f}"]
+
+
+def write_page(rows: list[PartRow], candidates: list[Explanation], page: Path, command: str) -> None:
+    """Write the page, and its picture beside it."""
+    picture = page.with_suffix(".png")
+    _plot(rows, candidates, picture)
+    fitting = [
+        row for row in candidates if row.miss <= ALLOWED and abs(row.x_width - EDGE_WIDTH) < 0.02 * EDGE_WIDTH
+    ]
+    predicted = (min(row.y_width for row in fitting), max(row.y_width for row in fitting))
+    text = _PAGE.format(
+        command=command, picture=picture.name, parts=markdown_table(list(HEADINGS), map(cells, rows)),
+        candidates=markdown_table(list(EXPLANATION_HEADINGS), map(explanation_cells, candidates)),
+        width=EDGE_WIDTH, height=EDGE_HEIGHT, low=predicted[0], high=predicted[1], allowed=100 * ALLOWED,
+    )  # fmt: skip
+    write_text(page, text)
+
+
+def _plot(rows: list[PartRow], candidates: list[Explanation], file: Path) -> None:
+    from mitsuba_taxel.base.files.atomic import replacing
+
+    axes = list(panel_axes(2, 3, sharex=False, size=(4.4, 3.2)).flat)
+    for ax, row in zip(axes, rows, strict=False):
+        ax.plot(row.heights, 100 * row.sheet, "o", color=COLOURS[1], markersize=4, label="datasheet")
+        if row.model is not None:
+            ax.plot(row.heights, 100 * row.model, color=COLOURS[0], label="these dies")
+        ax.set_title(f"{row.name}: {row.reflector}", fontsize="medium")
+        ax.set_xlabel("height above the windows [mm]")
+        ax.set_ylabel("current [% of the largest]")
+        ax.legend(fontsize="small")
+    last = axes[-1]
+    for number, row in enumerate(candidates):
+        last.plot(row.x_width, 100 * row.miss, "o", color=COLOURS[number % len(COLOURS)])
+        last.annotate(str(number + 1), (row.x_width, 100 * row.miss), xytext=(4, 3), textcoords="offset points")
+    last.axvline(EDGE_WIDTH, color="black", lw=0.8)
+    last.axhline(100 * ALLOWED, color="black", lw=0.8, ls="--")
+    last.set_xlabel("edge of a mirror along x, 10 to 90 % [mm]")
+    last.set_ylabel("miss of the distance curve [%]")
+    last.set_title("vcnt2020: candidates by row of the table", fontsize="medium")
+    with replacing(file) as new:
+        last.figure.savefig(new, format="png")
+
+
+_PAGE = """\
+# Parts beside their datasheets
+
+For users of real photo-reflectors who must know how well the dies of the catalogue reproduce a datasheet. Written by
+`{command}`.
+
+![Currents over distance, and candidates for the VCNT2020]({picture})
+
+{parts}
+
+Currents are relative to the largest. The file of each part says where its numbers are from, and what is unknown. Sizes
+and depths of dies are in no datasheet. They were fitted to the curve, which hardly tells sizes; a small difference is
+therefore no proof of the geometry.
+
+- **CNY70.** Windows of 1.8 mm lie 1 mm below a rim. Dies of 0.3 mm, 1 mm deep, are the best of 24 combinations; dies
+  at the windows miss by a third of the peak. What the rim reflects is unknown and left out.
+- **QRE1113.** Its datasheet has two curves. Dies and depth are fitted to that under a mirror, and the other, under white
+  paper, is then predicted. The prediction misses by an eighth of the peak below 0.5 mm, and is a few percent too high
+  beyond 1 mm: this fit does not hold near the part. Its windows, like those of the CNY70, may lie below a rim.
+- **TCRT5000.** Its two domes are lenses with tilted axes, and their distance is not stated. A part of this program has
+  flat windows, so that a reading is refused. Only the datasheet's curve is shown.
+- **VCNT2020.** See below.
+
+## What lights and receives in a VCNT2020
+
+The datasheet has a second curve, of the edge of a mirror that moves along x: from 10 to 90 % of the current in
+{width} mm. The mirror sees the mean of a point of the emitter and one of the detector. The width is therefore
+determined by sizes, and hardly by depth or height (here {height:g} mm). Candidates in the table were found by minimising
+the miss of the distance curve for a given width along x; {allowed:g} % of the peak are allowed.
+
+{candidates}
+
+**Judgement.** The two curves together are reproduced only by surfaces about twice as wide as the dies of the catalogue,
+0.7 to 0.9 mm, that lie at the windows, at most some 0.06 mm deep, and emit by Lambert's law.
+Excluded are: wide dies that lie deeper, because the current near the part is then wrong; small dies below clear resin,
+although they may fit the distance curve better than any other, because the edge is then half as wide as measured; whole
+windows evenly lit, as they would be by much scattering in the resin; and a scattering surface above small dies, which
+is too narrow if the dies are near and too wide for the distance curve if they are far. What remains open is whether
+these surfaces are large dies, a cup of a reflector, or resin that is lit by one: the two curves do not tell.
+
+**Prediction, before any comparison.** The edge of a mirror along y is {low:.2f} to {high:.2f} mm wide from 10 to 90 % of
+the current, and 0.44 mm if the surfaces are squares, as dies are. Its middle is on the line of the dies, 0.3 mm from
+the middle of the body. If the whole length of the windows were lit, the width would be 0.73 mm, with a middle between
+that line and the middle of the body.
+
+**In scenes.** The part `vcnt2020` keeps its dies below resin, because its readings under a wide reflector are as near to
+the datasheet as those of the wide surfaces. Under small structures, such as the edge of a roof or a narrow stripe, its
+light is twice as narrow as that of the part. For these, copy its file and set `die_width` and `die_length` to 0.79
+(emitter) and 0.78 (detector), and `die_depth` to 0: the LED then follows Lambert's law in air over the entire square.
+"""
