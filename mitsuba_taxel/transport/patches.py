@@ -18,7 +18,7 @@ _COEFFICIENTS = differentiated(DEGREE) @ np.linalg.inv(monomials(LATTICE, DEGREE
 
 @dataclass(frozen=True, eq=False)
 class PatchPoints:
-    """P points on patches.
+    """P points on curved patches, each given by its patch and two coordinates on it.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class PatchPoints:
         return result.reshape(3, len(polynomials), -1).transpose(1, 2, 0)
 
     def interpolated(self, positions: np.ndarray) -> np.ndarray:
-        """Positions of the points.
+        """Positions of the points in space, from the positions of the patches on which they lie.
 
         Parameters
         ----------

@@ -107,7 +107,7 @@ class ManyCells:
         return ManyCellsRow(self.name, self.side**2, end)
 
     def measured(self) -> ManyCellsRow:
-        """Measure the case in this process."""
+        """Measure time, memory and error of one reading of this pad in the present process."""
         pad, cells = Pad("parallelepiped", rows=self.side, columns=self.side), self.side**2
         load: Load = BALL if self.under_ball else SPREAD_FORCE
         value = (0.0, 0.0, DEPTH if self.under_ball else PER_CELL * cells)

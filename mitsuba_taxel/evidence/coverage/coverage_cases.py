@@ -82,7 +82,7 @@ class CoverageCase:
     fine: float | None = None
 
     def measured(self) -> CoverageRow:
-        """Measure the case in this process and return its row."""
+        """Compare stated and true error of this setting in the present process, and return the row of the table."""
         began = time.process_time()
         with tempfile.TemporaryDirectory() as folder:
             scene = self.sensor.scene() if not self.file_format else self._from_file(Path(folder))

@@ -146,7 +146,7 @@ class DragCase:
         return DragRow(self.name, end)
 
     def measured(self) -> DragRow:
-        """Measure the case in this process and return its row."""
+        """Measure the dragged and the pressed body in this process, and return the row of the table."""
         start, (x, y, z) = time.process_time(), self.position
         try:
             _, dragged = self._states(replace(self.body, friction=FRICTION), (0, 0, z), self.position)

@@ -158,7 +158,7 @@ class EstimatorCase:
         return EstimatorRow(self.name, end)
 
     def measured(self) -> EstimatorRow:
-        """Measure the case in this process and return its row."""
+        """Compute this comparison in the present process, and return the row of the table."""
         start = time.process_time()
         try:
             with tempfile.TemporaryDirectory() as folder:

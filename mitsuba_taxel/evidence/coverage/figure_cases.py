@@ -74,7 +74,8 @@ class FigureCase:
     together: Mapping[str, list[float]]
 
     def measured(self) -> Any:
-        """Measure the case in this process."""
+        """Compute the figures of merit of this scene and their reference values in this process, and return the result.
+        """
         start = time.process_time()
         numbers: dict[str, float] = {}
         try:

@@ -59,7 +59,9 @@ class LightCase:
     with_slopes: bool = False
 
     def measured(self) -> LightRow:
-        """Measure the case in this process."""
+        """Read this configuration without random numbers and by random paths, in this process, and return the row of
+        the table.
+        """
         with tempfile.TemporaryDirectory() as folder:
             scene = self.scene(Path(folder))
             try:

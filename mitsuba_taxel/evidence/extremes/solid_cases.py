@@ -48,7 +48,7 @@ class SolidCase(TableCase):
     refused: bool = False
 
     def measured(self) -> MechanicsRow:
-        """Solve and check the case in this process."""
+        """Solve this case in the present process, check the result independently, and return the row of the table."""
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder, "body.stl")
             self.solid().export(file)

@@ -25,7 +25,7 @@ class TimedCase(TableCase):
     """A case whose whole measurement is timed."""
 
     def measured(self) -> Any:
-        """Measure the case in this process."""
+        """Measure this extreme case in the present process, and return the row of the table."""
         start = time.process_time()
         row = self._row()
         return replace(row, seconds=time.process_time() - start, megabytes=peak_memory())

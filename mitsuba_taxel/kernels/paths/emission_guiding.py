@@ -48,7 +48,9 @@ class GuidedEmission:
         self.density = mi.Float(in_packets(density))
 
     def sample(self, taxel: mi.UInt32, sample: mi.Point2f) -> tuple[mi.Point2f, mi.Float]:
-        """A point of the unit square sampled from the density of a taxel, and that density."""
+        """Sample a point of the unit square, which determines the direction of a ray, for the LED of a taxel; returns
+        the point and its probability density.
+        """
         leaf, rest = descend(self.splits, mi.UInt32(_DEPTH), taxel, sample)
         x, y = mi.UInt32(0), mi.UInt32(0)
         # The bits of a leaf's number alternate between the two coordinates.

@@ -464,7 +464,7 @@ class Techniques:
     def drawn(
         self, density: mi.Float, previous: Vertex, member: mi.Bool, uv: mi.Point2f, area_per_angle: mi.Float
     ) -> mi.Float:
-        """Density [1/sr] of a ray from a vertex, sampled by scattering or by the guide.
+        """Density [1/sr] of a ray from a vertex, whose direction was sampled by scattering or by the guide.
 
         Parameters
         ----------

@@ -186,8 +186,9 @@ class Model:
         return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
 
     def over_unknowns(self, rows: sparse.csr_array) -> sparse.csr_array:
-        """Linear combinations (k, unknowns) of the unknowns, from linear combinations (k, 3 n) of the displacements of
-        n nodes."""
+        """Linear combinations (k, unknowns) of the pad's unknowns that equal given linear combinations (k, 3 n) of the
+        displacements of n nodes.
+        """
         return rows @ self._displacements_of_unknowns
 
     @cached_property

@@ -46,7 +46,7 @@ class Nearby:
 
 
 class IndentedPad(LoadedPad):
-    """A meshed pad glued to the board, under a moved indenter."""
+    """The equations of a meshed pad that is glued to the board and touched by a moved indenter."""
 
     solves_between = True
     _most_iterations: ClassVar[int] = MOST_ITERATIONS

@@ -124,11 +124,11 @@ class Growth:
 
     @classmethod
     def even(cls, duration: float) -> Growth:
-        """The growth that is proportional to time."""
+        """The measure that grows in proportion to time, over a step of a ``duration`` in s."""
         return cls(duration, 1 / duration, np.zeros(0), np.zeros(0))
 
     def rate(self, time: float | np.ndarray) -> np.ndarray:
-        """Rate in 1/s at times in s since the start of the step."""
+        """Rate in 1/s at which the measure grows, at times in s since the start of the step."""
         return self.steady + np.exp(-np.multiply.outer(time, self.rates)) @ self.amplitudes
 
     def at(self, time: float | np.ndarray) -> np.ndarray:

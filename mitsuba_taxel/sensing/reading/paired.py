@@ -163,8 +163,9 @@ class PairedReading:
         self._base, self._ready, self._moved = base, ready, moved
 
     def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
-        """Readings (R, T) in W of T taxels in R replicates, and the number of points used; points are counted from
-        ``first``."""
+        """Readings (R, T) in W of T taxels in R replicates, and the number of points (paths) used, counted from the
+        point ``first`` of the random sequences.
+        """
         powers, _, points = traced(self._base, points, seed, first, False)
         if self._moved is not None:
             powers = powers + _difference(self._base.scene, self._moved, points, derived_seed(seed, PAIRED), first)

@@ -40,8 +40,9 @@ class PairedPowers(Protocol):
     """
 
     def powers(self, points: int, seed: int, first: int) -> tuple[np.ndarray, int]:
-        """Readings (R, T) in W of T taxels in R replicates, and the number of points used; points are counted from
-        ``first``."""
+        """Readings (R, T) in W of T taxels in R replicates, and the number of points (paths) used, counted from the
+        point ``first`` of the random sequences.
+        """
 
     def has_less_noise(self) -> bool:
         """Whether paired differences from the base state have less noise than differences of plain readings with shared

@@ -109,9 +109,9 @@ def _check(batch: Batch, folder: Path | None) -> None:
     """Raise `InputError` for a batch with a setting that images do not have."""
     for name in ("time_budget", "target_slope", "circuit", "derivatives", "maps"):
         if value := getattr(batch, name):
-            raise InputError(f"{name} = {value!r} is not allowed for images of a camera, only for readings.")
+            raise InputError(f"{name} = {value!r} is not allowed for images of a camera: leave it out.")
     if batch.meshes == "last":
-        raise InputError("meshes = 'last' is not allowed for images of a camera: no mesh is kept with them.")
+        raise InputError("meshes = 'last' is not allowed for images of a camera, which keep no mesh: leave it out.")
     if batch.name:
         raise InputError(f"scene {batch.name} has a camera: images need a study of this scene alone.")
     for axis in batch.axes:
@@ -119,7 +119,7 @@ def _check(batch: Batch, folder: Path | None) -> None:
             start, stop = axis.values[axis.dim][0], axis.values[axis.dim][-1]
             raise InputError(f"{axis.dim} = {start}:{stop} is not allowed for images of a camera: a step is needed.")
     if TO_CONTACT in batch.defines or any(TO_CONTACT in axis.values for axis in batch.axes):
-        raise InputError(f"{TO_CONTACT} is not allowed for images of a camera, only for readings.")
+        raise InputError(f"{TO_CONTACT} is not allowed for images of a camera: leave it out.")
     if folder is None:
         raise InputError("output is missing: a folder is needed for images of a camera.")
 

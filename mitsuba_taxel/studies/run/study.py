@@ -235,7 +235,7 @@ def _run(
     from mitsuba_taxel.studies.run.images import sweep_images  # readings need nothing of it
 
     if parquet:
-        raise InputError("parquet = True is not allowed for images of a camera, only for readings.")
+        raise InputError("parquet = True is not allowed for images of a camera, only for readings: leave it out.")
     return sweep_images(batch, pool, folder, retry_failed, progress)
 
 

@@ -14,7 +14,7 @@ from mitsuba_taxel.evidence.paper.page.words import paragraph
 
 
 def assumptions_section(results: PadComparison, tried: Mapping[str, AssumptionResult]) -> str:
-    """The section of the page."""
+    """The section of the page of measured sensors on other assumptions about the pad."""
     fitted = measured.PRESSED
     heads = ["assumed", f"force of {fitted} [%]", f"change of {fitted} [%]", *("1", "1.4", "2", "2.2", "2.8")]
     rows = [["measured", "", "", *_shown(rings(np.array(measured.HELD_MAP)))]]

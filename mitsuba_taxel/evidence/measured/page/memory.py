@@ -26,7 +26,9 @@ _LOOPS = (
 
 
 def memory_section(fit: PronyFit, pictures: Path) -> str:
-    """The section of the page; its figure is written to the folder ``pictures``."""
+    """The section of the page of measured sensors on relaxation and hysteresis; its figure is written to the folder
+    ``pictures``.
+    """
     tail = measured_tail()
     forces, scatters = np.array(measured.HOLD_FORCES).T / measured.HOLD_FORCES[-1][0]
     tails, holds = 100 * np.array([tail, fit.tail]), np.array([forces, scatters, fit.hold])

@@ -20,7 +20,9 @@ ALIKE = 1.5
 
 
 def pad_section(results: PadComparison, pictures: Path) -> str:
-    """The section of the page; its figures are written to the folder ``pictures``."""
+    """The section of the page of measured sensors on the pad under its indenter; its figures are written to the folder
+    ``pictures``.
+    """
     validation_figures.pressed(results.taxels, pictures / "pressed.png")
     validation_figures.maps(results, pictures / "map.png")
     taxels = ", ".join(map(str, results.taxels))

@@ -9,7 +9,7 @@ from mitsuba_taxel.evidence.paper.page.words import paragraph
 
 
 def rest_section(spread: Spread) -> str:
-    """The section of the page."""
+    """The section of the page of measured sensors on the spread of the voltages at rest."""
     rows = [[name, spread.laws[name], SOURCES[name], f"{100 * spread.shares[name]:.1f}"] for name in SOURCES]
     return f"""\
 ## Spread of the voltages at rest
