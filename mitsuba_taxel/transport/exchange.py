@@ -238,12 +238,12 @@ class _Pairs:
         return self.isotropic / (2 * math.pi) * over * dr.sqrt(over)
 
     def at_horizon(self, width: float) -> Float64:
-        """Derivative of isotropic light at the horizon: light that is gained, per mm of ``leaving``, as the end point
-        of a pair rises above the horizon of the start.
+        """How isotropic light changes at the horizon: the light that a pair of points gains, per mm of ``leaving``, as
+        its end point rises above the horizon (the tangent plane) of its start.
 
-        Visibility is discontinuous there; its derivative is smoothed over directions within a ``width`` (cosine). On a
-        surface of uniform curvature both ends see each other equally: the difference of ``facing`` and ``leaving`` is
-        what the horizon contributes.
+        Light appears there at once; its derivative is smoothed over directions within a ``width`` (cosine). On a
+        surface of uniform curvature, both points rise above each other's horizon together: only the difference of
+        ``facing`` and ``leaving`` counts for the horizon.
         """
         over = dr.rcp(self.distance)
         cosine = self.leaving * over / width

@@ -72,7 +72,7 @@ class WorkPoint:
 
 @dataclass(frozen=True)
 class ErrorCurve:
-    """The points of one method, in the order of increasing work.
+    """Error against computing time of one method: its points, in the order of increasing work.
 
     Attributes
     ----------

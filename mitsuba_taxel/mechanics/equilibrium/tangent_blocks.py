@@ -35,7 +35,8 @@ antisymmetric ones. Averaging under one mirror after the other, in this order, g
 
 
 class TangentBlock:
-    """A block of the tangent: that of the displacements of one symmetry type under the mirrors of a pad's state.
+    """A block of the tangent: its part for displacements of one symmetry type, such as antisymmetric in a mirror of the
+    pad's state.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Mullins(Displayed):
 
     @property
     def constants(self) -> tuple[float, float, float]:
-        """r, m in MPa, and beta."""
+        """The constants r, m in MPa, and beta of Mullins' effect."""
         return self.r, self.m, self.beta
 
     def damage_variable(self, energy: np.ndarray, largest: np.ndarray) -> np.ndarray:
