@@ -26,7 +26,10 @@ settings.load_profile("same everywhere")
 
 FALSE_ALARM_RATE = 1e-4
 """Chance that one call of a statistical check fails although all is well."""
-LONGEST = {"docs", "test_readme.py", "test_pressed_ball.py", "test_thin_roof.py"}
+LONGEST = {
+    "docs", "test_material_fit.py", "test_other_systems.py", "test_pressed_ball.py", "test_readme.py",
+    "test_thin_roof.py",
+}  # fmt: skip
 """Folders and files with tests of up to half a minute each."""
 
 
