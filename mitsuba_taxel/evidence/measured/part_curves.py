@@ -20,7 +20,9 @@ EDGE_WIDTH = 0.427
 EDGE_HEIGHT = 1.0
 """Height of that mirror, mm; assumed, as the source of the width does not state it."""
 ALLOWED = 0.03
-"""Allowed miss of the distance curve, relative to its peak."""
+"""Asked miss of the distance curve, relative to its peak."""
+NEAR = 0.005
+"""Difference of that miss from the least one within which candidates are as good."""
 WHITE_PAPER = (
     (0.25, 0.556), (0.4, 0.870), (0.5, 0.964), (0.6, 0.993), (0.75, 0.980), (1.0, 0.871), (1.25, 0.756), (1.5, 0.642),
     (2.0, 0.428), (2.5, 0.302), (3.0, 0.224), (4.0, 0.132), (5.0, 0.088),
@@ -125,9 +127,9 @@ def explanations() -> list[Explanation]:
             ("dies of 0.35 and 0.40 mm, 0.1 mm deep (the catalogue)", part),
             ("dies of 0.29 and 0.63 mm, 0.62 mm deep, index 1.3", dies((0.289, 0.634), 0, (0.615, 0.615), 1.3)),
             ("dies of 0.77 mm, 0.1 mm deep", dies((0.77, 0.77), 0, (0.1, 0.1))),
-            ("squares of 0.79 and 0.78 mm at the surface", dies((0.788, 0.781), 0.77, (0.004, 0.003))),
-            ("0.70 and 0.90 mm along x, 1.0 mm along y", dies((0.697, 0.903), 1.0, (0.022, 0.039))),
-            ("0.72 and 0.89 mm along x, 1.65 mm along y", dies((0.722, 0.893), 1.65, (0.047, 0.039))),
+            ("squares of 0.74 and 0.82 mm at the surface", dies((0.742, 0.820), 0, (0.003, 0.002))),
+            ("0.70 and 0.92 mm along x, 1.0 mm along y", dies((0.703, 0.917), 1.0, (0.015, 0.042))),
+            ("0.71 and 0.89 mm along x, 1.65 mm along y", dies((0.710, 0.891), 1.65, (0.057, 0.065))),
             ("whole windows, evenly", windows),
         )
     ]
@@ -206,14 +208,16 @@ def write_page(rows: list[PartRow], candidates: list[Explanation], page: Path, c
     """Write the page, and its picture beside it."""
     picture = page.with_suffix(".png")
     _plot(rows, candidates, picture)
-    fitting = [
-        row for row in candidates if row.miss <= ALLOWED and abs(row.x_width - EDGE_WIDTH) < 0.02 * EDGE_WIDTH
-    ]
+    wide = [row for row in candidates if abs(row.x_width - EDGE_WIDTH) < 0.02 * EDGE_WIDTH]
+    best = min(row.miss for row in wide)
+    fitting = [row for row in wide if row.miss < best + NEAR]
     predicted = (min(row.y_width for row in fitting), max(row.y_width for row in fitting))
     text = _PAGE.format(
         command=command, picture=picture.name, parts=markdown_table(list(HEADINGS), map(cells, rows)),
         candidates=markdown_table(list(EXPLANATION_HEADINGS), map(explanation_cells, candidates)),
         width=EDGE_WIDTH, height=EDGE_HEIGHT, low=predicted[0], high=predicted[1], allowed=100 * ALLOWED,
+        best=100 * best, whole=100 * candidates[6].miss,
+        square=candidates[3].y_width, long=candidates[5].y_width, near=100 * (best + NEAR),
     )  # fmt: skip
     write_text(page, text)
 
@@ -259,9 +263,9 @@ therefore no proof of the geometry.
 
 - **CNY70.** Windows of 1.8 mm lie 1 mm below a rim. Dies of 0.3 mm, 1 mm deep, are the best of 24 combinations; dies
   at the windows miss by a third of the peak. What the rim reflects is unknown and left out.
-- **QRE1113.** Its datasheet has two curves. Dies and depth are fitted to that under a mirror, and the other, under white
-  paper, is then predicted. The prediction misses by an eighth of the peak below 0.5 mm, and is a few percent too high
-  beyond 1 mm: this fit does not hold near the part. Its windows, like those of the CNY70, may lie below a rim.
+- **QRE1113.** Its datasheet has two curves. Dies and depth are fitted to that under a mirror, and the other, under
+  white paper, is then predicted. The prediction misses by an eighth of the peak below 0.5 mm, and is a few percent too
+  high beyond 1 mm: the fit does not hold near the part. Its windows, like those of the CNY70, may lie below a rim.
 - **TCRT5000.** Its two domes are lenses with tilted axes, and their distance is not stated. A part of this program has
   flat windows, so that a reading is refused. Only the datasheet's curve is shown.
 - **VCNT2020.** See below.
@@ -269,27 +273,32 @@ therefore no proof of the geometry.
 ## What lights and receives in a VCNT2020
 
 The datasheet has a second curve, of the edge of a mirror that moves along x: from 10 to 90 % of the current in
-{width} mm. The mirror sees the mean of a point of the emitter and one of the detector. The width is therefore
-determined by sizes, and hardly by depth or height (here {height:g} mm). Candidates in the table were found by minimising
-the miss of the distance curve for a given width along x; {allowed:g} % of the peak are allowed.
+{width} mm. At the mirror, light is at the mean of a point of the emitter and one of the detector. The width is
+therefore determined by sizes, and hardly by depth or height (here {height:g} mm, assumed). Candidates in the table were
+found by minimising the miss of the distance curve for a given width along x.
 
 {candidates}
 
 **Judgement.** The two curves together are reproduced only by surfaces about twice as wide as the dies of the catalogue,
-0.7 to 0.9 mm, that lie at the windows, at most some 0.06 mm deep, and emit by Lambert's law.
-Excluded are: wide dies that lie deeper, because the current near the part is then wrong; small dies below clear resin,
-although they may fit the distance curve better than any other, because the edge is then half as wide as measured; whole
-windows evenly lit, as they would be by much scattering in the resin; and a scattering surface above small dies, which
-is too narrow if the dies are near and too wide for the distance curve if they are far. What remains open is whether
-these surfaces are large dies, a cup of a reflector, or resin that is lit by one: the two curves do not tell.
+0.7 to 0.9 mm, that lie at the windows, less than 0.05 mm deep, and emit by Lambert's law. The best of them, with
+the width along x, misses the distance curve by {best:.1f} % of the peak, where {allowed:g} % was asked.
+Excluded are:
 
-**Prediction, before any comparison.** The edge of a mirror along y is {low:.2f} to {high:.2f} mm wide from 10 to 90 % of
-the current, and 0.44 mm if the surfaces are squares, as dies are. Its middle is on the line of the dies, 0.3 mm from
-the middle of the body. If the whole length of the windows were lit, the width would be 0.73 mm, with a middle between
-that line and the middle of the body.
+- small dies below clear resin, although some fit the distance curve better than any other: the edge is then about half
+  as wide as measured;
+- wide dies that lie deeper: the current near the part is then wrong by a tenth of the peak;
+- whole windows, evenly lit, as they would be by much scattering in the resin: {whole:.1f} % of the peak;
+- a scattering surface above small dies: near, it is too narrow; far, it is as wrong as whole windows.
 
-**In scenes.** The part `vcnt2020` keeps its dies below resin, because its readings under a wide reflector are as near to
-the datasheet as those of the wide surfaces. Under small structures, such as the edge of a roof or a narrow stripe, its
-light is twice as narrow as that of the part. For these, copy its file and set `die_width` and `die_length` to 0.79
-(emitter) and 0.78 (detector), and `die_depth` to 0: the LED then follows Lambert's law in air over the entire square.
+Whether these surfaces are large dies, the cup of a reflector, or resin that is lit in it, the two curves do not tell.
+
+**Prediction, written before any comparison.** From 10 to 90 % of the current, the edge of a mirror along y is
+{square:.2f} mm wide if the surfaces are squares, as dies are. Lengths up to 1 mm fit as well (to {near:.1f} %), so that
+{low:.2f} to {high:.2f} mm are possible. The middle is on the line of the dies, 0.3 mm from the middle of the body. If
+the whole length of the windows were lit, the width would be {long:.2f} mm or more.
+
+**In scenes.** The part `vcnt2020` keeps its dies below resin, because under a wide reflector its readings are as near
+to the datasheet as those of the wide surfaces. At small structures, such as the edge of a roof or a narrow stripe, its
+light is half as wide as that of the part. For these, copy its file and set `die_width` and `die_length` to 0.74
+(emitter) and 0.82 (detector), and `die_depth` to 0: the LED then follows Lambert's law in air over the entire square.
 """
