@@ -114,7 +114,7 @@ class Recent(Generic[_Result]):
         return result
 
     def clear(self) -> None:
-        """Remove all results."""
+        """Remove all results from the cache."""
         with self._lock:
             self._entries.clear()
 

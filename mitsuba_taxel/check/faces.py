@@ -83,7 +83,7 @@ class Boxes:
     pitch: float = 0.0
 
     def centres(self) -> np.ndarray:
-        """Centres (N, 3) of the boxes in mm, before ``to_world``."""
+        """Centres (N, 3) of the boxes in mm, in the coordinates of the grid, before the transformation ``to_world``."""
         column, row = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         shift = np.zeros((self.rows * self.columns, 3))
         shift[:, 0] = (column.ravel() - (self.columns - 1) / 2) * self.pitch

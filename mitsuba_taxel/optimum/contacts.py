@@ -43,7 +43,7 @@ class DesignContact(NamedTuple):
 
     @classmethod
     def from_study(cls, study: xr.Dataset, row: int, by: list[float], by_tolerance: list[float]) -> DesignContact:
-        """The first contact in a row of a study, with the given derivatives."""
+        """The first contact of a design's pad, as stored in a row of a study, with the given derivatives."""
         touched, ended = (str(study[name].values[row]) if name in study else "" for name in ("touched", "ended"))
         missing = bool(ended) and not np.isfinite([*by, *by_tolerance]).all()
         if missing:

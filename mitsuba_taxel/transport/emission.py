@@ -373,8 +373,8 @@ def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
     area = Pieces(rows[:, 0], corners).areas()[:, None]
 
     def cut_off(node: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays (M, N, 2) in M triangles of the cone's edge, from their tips to the opposite sides, at given nodes of
-        the side.
+        """Rays (M, N, 2) across M triangles at the edge of the light's cone, from one corner of each to N points
+        (nodes) of the opposite side.
 
         Also returned are the fractions (M, N) of the rays up to the edge, and their change per change of height.
         """

@@ -35,7 +35,7 @@ RAYS = 1 << 22
 
 
 def speed(target_error: float) -> Iterator[str]:
-    """Make all measurements, and yield a line of text for each.
+    """Measure the computing times of typical readings, and yield a line of text for each.
 
     Parameters
     ----------

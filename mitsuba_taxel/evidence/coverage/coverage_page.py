@@ -129,18 +129,22 @@ class CoveragePage:
         return self._csv.with_name(f"{self._csv.stem}_{table}.csv") if self._csv else None
 
     def keep_readings(self, rows: Sequence[CoverageRow]) -> None:
-        """Replace all rows of readings, and rewrite the page. Their CSV file is written by `ResumedTable`."""
+        """Replace all rows of the table of readings, and rewrite the page. The CSV file of these rows is written by
+        `ResumedTable`.
+        """
         self._readings = list(rows)
         self._write()
 
     def keep_figures(self, rows: Sequence[IntervalRow]) -> None:
-        """Replace the rows of one or more cases, and rewrite their CSV file and the page."""
+        """Replace rows of the table of results without a pad, of one or more cases, and rewrite its CSV file and the
+        page.
+        """
         names = [case.name for case in intervals.interval_cases()]
         self._figures = _in_order(self._figures, rows, names)
         self._store(self._figures, "figures")
 
     def keep_probabilities(self, rows: Sequence[ProbabilityRow]) -> None:
-        """Replace the rows of one or more cases, and rewrite their CSV file and the page."""
+        """Replace rows of the table of probabilities, of one or more cases, and rewrite its CSV file and the page."""
         names = [case.name for case in probabilities.chosen_cases()]
         self._probabilities = _in_order(self._probabilities, rows, names)
         self._store(self._probabilities, "probabilities")

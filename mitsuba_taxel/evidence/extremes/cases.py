@@ -35,7 +35,7 @@ INDENTERS = ("sphere", "punch", "cylinder", "plane")
 
 
 def stability_cases() -> list[ExtremeCase]:
-    """All cases, in the order of the table."""
+    """All extreme cases of the mechanics, in the order of the table."""
     materials = (_poisson_ratios, _stiffnesses, _laws)
     pads = (_walls, _sizes, _arrays)
     loads = (_loads, _indenters, _large_forces, _self_contacts, _one_step)

@@ -65,7 +65,7 @@ class CircuitCase(TimedCase):
 
 
 def circuit_cases() -> list[CircuitCase]:
-    """All cases, in the order of the table."""
+    """All extreme cases of circuits, in the order of the table."""
     return [case for kind in (_loads, _lights, _converters) for case in kind()]
 
 

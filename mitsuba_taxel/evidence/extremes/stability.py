@@ -22,8 +22,8 @@ def stability(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[AnyRow]:
-    """Measure each case of the three tables in a separate process, and yield its row. The output files are rewritten
-    after each row.
+    """Measure the extreme cases of mechanics, readings and circuits, each in a separate process, and yield their rows.
+    The output files are rewritten after each row.
 
     Parameters
     ----------

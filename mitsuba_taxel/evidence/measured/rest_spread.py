@@ -83,7 +83,7 @@ class Spread(NamedTuple):
 
 
 def spread(store: PaperStudies) -> Spread:
-    """Read the spread from the store, or compute it if it is missing."""
+    """Spread of the readings at rest: read from the store, or computed if it is missing there."""
     scene, study = _texts()
     request = {"scene": scene, "study": study}
     study_data = store.study("tolerance/rest", request, lambda: _computed(store, scene, study))

@@ -64,8 +64,8 @@ class Friction:
         return FrictionState(*np.zeros((2, len(self._body.node), 3)))
 
     def slip_position(self, displacement: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Integrated position (m, 3) in mm³ of the faces relative to the indenter at m contact nodes, as in
-        :class:`FrictionState`.
+        """Position (m, 3) of the pad's faces relative to the indenter, integrated around each of m contact nodes, in
+        mm³, as in :class:`FrictionState`.
 
         Computed from the ``displacement`` (N, 3) of the nodes and the displacement ``moved`` (3,) of the indenter, in
         mm.

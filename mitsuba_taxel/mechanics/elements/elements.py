@@ -243,8 +243,9 @@ class Elements:
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
 
     def at_rest(self, here: slice, gradient: np.ndarray) -> tuple[np.ndarray, SmallStrain | None]:
-        """Deformation gradient F (m, q, 3, 3) of a slice of elements, replaced by the identity where the law is linear,
-        and the small strain there."""
+        """Deformation gradient F (m, q, 3, 3) of a slice of elements: the identity where the law is linear, whose small
+        strain is returned besides.
+        """
         if self.linear is None or not self.linear[here].any():
             return gradient, None
         at = self.linear[here]

@@ -63,13 +63,12 @@ class Finish(Hashable, Protocol):
 
 @dataclass(frozen=True)
 class LayerSteps(Checked):
-    """The steps of a mould printed in layers.
+    """A finish of steps, from a mould printed in layers.
 
     Layer k extends from k to k + 1 times the layer height along the direction, counted from the offset, and has the
     cell's cross-section at the middle of the layer. A tread thus lies at the level nearest to the smooth wall
     (half-way, at the higher level). Walls along the direction do not change; a flat roof across it moves to the nearest
     level.
-
     """
 
     layer_height: float = number(REQUIRED, "mm", "Height of a printed layer.", above=0, common=(0.002, 5))
@@ -117,12 +116,11 @@ class LayerSteps(Checked):
 
 @dataclass(frozen=True)
 class Grooves(Checked):
-    """V-shaped grooves, half above and half below the smooth wall.
+    """A finish of V-shaped grooves, half above and half below the smooth wall.
 
     Ridges protrude from the silicone by half the depth. They lie where the distance from the centre of the pad's
     bottom, along the direction, is a multiple of the pitch; valleys lie midway. A wall across the direction has no
     grooves; it moves to the height of the groove at its position.
-
     """
 
     pitch: float = number(
@@ -160,10 +158,10 @@ class Grooves(Checked):
 
 @dataclass(frozen=True)
 class RandomRoughness(Checked):
-    """Gaussian heights along the normal of the smooth wall with the correlation exp(-r^2 / correlation_length^2).
+    """A random finish: Gaussian heights along the normal of the smooth wall with the correlation exp(-r^2 /
+    correlation_length^2).
 
     The heights of different cells differ.
-
     """
 
     rms_height: float = number(REQUIRED, "mm", "Standard deviation of the heights.", above=0)
@@ -231,7 +229,8 @@ class RandomRoughness(Checked):
 
 
 class BluntHeights(RandomRoughness):
-    """Random heights with reduced slopes: the loss is 1 / `FACETS_SHARE` times the loss due to triangles.
+    """A random finish with reduced slopes, for the error due to flat triangles: it loses 1 / `FACETS_SHARE` times as
+    much slope as triangles lose.
 
     Triangles are linear between heights and therefore less steep, on average, than the surface.
     """

@@ -113,7 +113,7 @@ class Rays:
     outside: np.ndarray
 
     def at(self, distance: np.ndarray) -> np.ndarray:
-        """Positions (N, 3) at distances (N,) from the origin, mm."""
+        """Positions (N, 3) on the rays in mm, at distances (N,) from their origins."""
         return self.origin + distance[:, None] * self.direction
 
 

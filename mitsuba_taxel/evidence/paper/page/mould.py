@@ -207,13 +207,13 @@ def size(number: Number) -> Number:
 
 
 def ratio(first: Number, second: Number) -> Number:
-    """Quotient of the magnitudes of two numbers with independent errors."""
+    """The first number divided by the second, as magnitudes; their errors are independent."""
     value = abs(first[0] / second[0])
     return value, math.hypot(first[1], value * second[1]) / abs(second[0])
 
 
 def difference(first: Number, second: Number) -> Number:
-    """First minus second number, with independent errors."""
+    """The first number minus the second; their errors are independent."""
     return first[0] - second[0], math.hypot(first[1], second[1])
 
 
