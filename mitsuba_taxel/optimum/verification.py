@@ -64,7 +64,7 @@ class MeshVerification:
 
     @property
     def notes(self) -> list[str]:
-        """Remarks for the user."""
+        """Remarks for the user on the evaluation on a finer mesh."""
         if not self.reads:
             return ["the best design could not be read on a finer mesh: its improvement is not verified"]
         return [*self.optimiser.designs.notes, *([] if self.is_finer else [SAME_MESH])]

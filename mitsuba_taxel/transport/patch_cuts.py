@@ -20,7 +20,7 @@ _COEFFICIENTS = np.linalg.inv(monomials(LATTICE, DEGREE))
 
 @dataclass(frozen=True, eq=False)
 class PatchCuts:
-    """C triangles that together cover F patches.
+    """C triangles that together cover F patches, some of which are cut along a plane.
 
     Attributes
     ----------

@@ -118,7 +118,7 @@ def figures(
     markdown: Path | None = None,
     starting: Callable[[int, int, str], None] | None = None,
 ) -> Iterator[Any]:
-    """Measure each case of the table in a separate process, and yield its row.
+    """Measure the figures of merit of each random scene in a separate process, and yield its row of the table.
 
     Parameters
     ----------

@@ -147,7 +147,9 @@ def fit_part(curve: str | Path, part: str | Path, zero: float = 0.0) -> PartFit:
 
 
 def part_unknowns(sheet: Datasheet) -> list[PartUnknown]:
-    """Unknowns of a part that a curve of current over distance can tell, with their ranges; raises `InputError`."""
+    """Unknowns of a photo-reflector that a curve of current over distance can determine, with their ranges; raises
+    `InputError`.
+    """
     missing = set(sheet.missing)
     unknowns = []
     for role in ("emitter", "detector"):

@@ -67,7 +67,7 @@ def give_geometry(mesh: mi.Mesh, places: Places, triangles: np.ndarray) -> None:
 
 
 def places_of(mesh: mi.Mesh) -> Places:
-    """The current vertices of a mesh.
+    """The current positions and normals of the vertices of a mesh.
 
     Parameters
     ----------

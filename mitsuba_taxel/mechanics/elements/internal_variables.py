@@ -101,7 +101,9 @@ class InternalVariables:
 
     @classmethod
     def at_rest(cls, material: Viscoelastic, elements: int, points: int) -> InternalVariables:
-        """Variables of elements that were never loaded, with a number of quadrature points each."""
+        """Internal variables of elements that were never loaded (zeros), for a number of quadrature points in each
+        element.
+        """
         largest = None
         if material.softening is not None:
             largest, elements = np.zeros((elements, points)), 0

@@ -85,7 +85,7 @@ class CreepResponse:
         return np.exp(-x) * memory + np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0) * change
 
     def measures(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Measures:
-        """Measures of a step of a ``duration`` in s, in which the load changes at a ``rate`` (C,) per s."""
+        """Measures of time within a step of a ``duration`` in s, in which the load changes at a ``rate`` (C,) per s."""
         responding, even, moves = self._growth(memory, rate, duration), Growth.even(duration), bool(rate.any())
         if moves and not self.creeps:
             return Measures(even, responding)

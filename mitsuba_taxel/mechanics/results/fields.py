@@ -41,7 +41,7 @@ class NodalFields:
 
     @cached_property
     def volume_ratio(self) -> np.ndarray:
-        """Volume ratio J = det F (N,)."""
+        """Volume ratio J = det F (N,) at the nodes: deformed volume over undeformed volume."""
         return np.linalg.det(self.deformation_gradient)
 
     @cached_property
