@@ -49,6 +49,8 @@ with `COARSER` times this size."""
 FINER = 2.0
 """Smallest ratio between the mesh sizes of the reading and of the reference."""
 COARSER = math.sqrt(2)
+LEAST_RATIO = 1.1
+"""Least actual ratio of element sizes of the two meshes of the reference. With less, coarser meshes are used."""
 PITCH_OF_THICK_WALLS = 3.55
 TOUCHED = ("sphere", "punch", "cylinder", "plane")
 """Indenters of `touch_settings`."""
@@ -120,9 +122,15 @@ class CoverageCase:
         ``mesh_size`` is the mesh size of the reading, in mm.
         """
         size = self.fine or min(FINE, mesh_size / FINER)
-        scene = self.sensor.scene()
-        (coarse, larger), (fine, smaller) = (_read(scene.with_mesh_size(h)) for h in (COARSER * size, size))
-        ratio = size_ratio(smaller.state.mesh, larger.state.mesh)
+        fine, smaller = _read(self.sensor.scene().with_mesh_size(size))
+        # Fillets and thin walls limit the size of elements: two meshes may differ far less than their nominal sizes.
+        for coarser in (COARSER * size, COARSER**2 * size, mesh_size):
+            coarse, larger = _read(self.sensor.scene().with_mesh_size(coarser))
+            ratio = size_ratio(smaller.state.mesh, larger.state.mesh)
+            if ratio >= LEAST_RATIO:
+                break
+        else:
+            raise ComputationError("no two meshes for the reference differ enough to extrapolate from.")
         correction = (fine.power - coarse.power) / (ratio**ORDER - 1)
         return fine.power + correction, np.abs(correction)
 
@@ -217,8 +225,11 @@ def _other_kinds() -> Iterator[CoverageCase]:
             yield CoverageCase(f"{cell}, 1 x 1, wall {wall:g} mm, -1 N", sensor)
     cells = [*other_cells(), *CELL_SHAPES]
     for name, cell in zip(Material.kinds(), cycle(cells), strict=False):
-        sensor = PadSensor(pad_of(cell, rows=1, columns=1, wall=0.7), law_of(name), force=(0.3, 0.0, -1.0))
-        yield CoverageCase(f"{cell}, 1 x 1, wall 0.7 mm, {name}, 0.3 N along x at -1 N", sensor)
+        law = law_of(name)
+        down = float(f"{min(1.0, law.shear_modulus):.2g}")  # pads of softer silicones bear smaller forces
+        across = float(f"{0.3 * down:.2g}")
+        sensor = PadSensor(pad_of(cell, rows=1, columns=1, wall=0.7), law, force=(across, 0.0, -down))
+        yield CoverageCase(f"{cell}, 1 x 1, wall 0.7 mm, {name}, {across:g} N along x at {-down:g} N", sensor)
     cells_in_turn = cycle([*cells[-2:], *cells[:-2]])  # for any number of laws
     for name in other_indenters(TOUCHED):
         for cell, at in zip(cells_in_turn, ((0.0, 0.0), (0.6, 0.2)), strict=False):

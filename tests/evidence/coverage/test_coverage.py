@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from taxel_cli.evidence.bench import command
 
-from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.evidence.coverage import coverage as table
 from mitsuba_taxel.evidence.coverage import coverage_cases
 from mitsuba_taxel.evidence.coverage.coverage import coverage
@@ -75,6 +76,29 @@ def test_readings_are_within_twice_what_they_state(llvm_mono, monkeypatch):
     assert len(rows) == len(SUBSET) and not any(row.remark for row in rows)
     assert sum(row.within for row in rows) == sum(row.readings for row in rows), rows
     assert all(0 < row.true < 0.02 and 1e-5 < row.stated < 0.03 > row.corrected and row.seconds > 0 for row in rows)
+
+
+@pytest.mark.parametrize("ratios", [[1.4], [1.01, 1.5], [1.01, 1.02, 1.2]])
+def test_meshes_of_a_reference_differ_enough_to_extrapolate(ratios, monkeypatch):
+    """Of errors that fall with the assumed power of the size, the extrapolation leaves nothing. Fillets may give two
+    sizes the same mesh; one reading more is then taken, on larger elements."""
+    (case, *_), left, sizes = coverage_cases.coverage_cases(), list(ratios), iter([1.0, *ratios])
+    power = (np.array([1 + 0.01 * size**coverage_cases.ORDER]) for size in sizes)
+    shape = SimpleNamespace(state=SimpleNamespace(mesh=None))
+    monkeypatch.setattr(coverage_cases, "_read", lambda _: (SimpleNamespace(power=next(power)), shape))
+    monkeypatch.setattr(coverage_cases, "size_ratio", lambda *_: left.pop(0))
+    truth, extrapolated = case._truth(1.25)
+    assert not left and not list(sizes)
+    assert truth == pytest.approx(1.0) and extrapolated == pytest.approx(0.01)
+
+
+def test_meshes_of_a_reference_that_are_all_the_same_are_a_remark(monkeypatch):
+    case, *_ = coverage_cases.coverage_cases()
+    same = SimpleNamespace(power=np.ones(1), mechanics_error=0), SimpleNamespace(state=SimpleNamespace(mesh=None))
+    monkeypatch.setattr(coverage_cases, "_read", lambda *_, **__: same)
+    monkeypatch.setattr(coverage_cases, "size_ratio", lambda *_: 1.01)
+    with pytest.raises(ComputationError, match="no two meshes"):
+        case._truth(1.25)
 
 
 @pytest.fixture
