@@ -10,7 +10,7 @@ from ..options import Fraction, NewFile, debug_option, defines_option, json_opti
 
 
 @click.command(short_help="A study as a fast model for simulators (ONNX).")
-@click.argument("source", metavar="DIR|SCENE", type=click.Path(path_type=Path))
+@click.argument("source", metavar="DIR", type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=NewFile(".onnx", ".npz"), metavar="FILE", show_default="model.onnx, or contact.npz",
     help="The model.",
@@ -46,9 +46,9 @@ def command(
     The model is a polynomial, cross-validated on whole paths; for a study with a circuit it also computes voltages and
     counts. Its output `inside` is false for inputs outside the ranges of the study. The file states units and errors.
 
-    With --contact, model the pad of SCENE under bodies of any shape, from maps of their depth below its top: readings,
-    force, centre of pressure and area of contact. Balls and rods are solved until the error is reached; an interrupted
-    run goes on where it was. Read the file with `mitsuba_taxel.surrogates.read_contact_model`.
+    With --contact, DIR is a scene instead: model its pad under bodies of any shape, from maps of their depth below its
+    top: readings, force, centre of pressure and area of contact. Balls and rods are solved until the error is reached;
+    an interrupted run goes on where it was. Read the file with `mitsuba_taxel.surrogates.read_contact_model`.
     """
     if contact:
         if depth is None:
