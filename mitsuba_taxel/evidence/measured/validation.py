@@ -21,8 +21,10 @@ from mitsuba_taxel.evidence.measured.page.assumptions import assumptions_section
 from mitsuba_taxel.evidence.measured.page.memory import memory_section
 from mitsuba_taxel.evidence.measured.page.pad import pad_section
 from mitsuba_taxel.evidence.measured.page.rest import rest_section
+from mitsuba_taxel.evidence.measured.page.softening import softening_section
 from mitsuba_taxel.evidence.measured.rest_spread import spread
 from mitsuba_taxel.evidence.measured.sideways import FORCES, largest_slope, pushed
+from mitsuba_taxel.evidence.measured.softening import first_loading
 from mitsuba_taxel.evidence.paper import paper
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
@@ -57,6 +59,7 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
         pad_section(fitted, pictures),
         assumptions_section(fitted, tried(store, fitted)),
         memory_section(memory, pictures),
+        softening_section(first_loading(store, fitted.fitted, fitted.found.late)),
         rest_section(spread(store)),
         _vcnt2020(pictures),
         _tables(store, memory.terms, pictures),

@@ -197,7 +197,7 @@ class Elements:
             if isinstance(stress_update, StressUpdate):
                 factor, overstress = stress_update.factor, tensors(stress_update.offset[here])
                 stress = factor * stress + gradient @ overstress
-            elif stress_update is not None:
+            elif isinstance(stress_update, Softening):
                 energies = self.material.energy(gradient), stress_update.largest[here]
                 damage = stress_update.mullins.damage_variable(*energies)
                 stress = damage[..., None, None] * stress
@@ -217,9 +217,8 @@ class Elements:
             if small is not None:
                 follower_pressure = np.where(small.at, 0.0, p)
                 overstress = None if overstress is None else np.where(small.at[..., None, None], 0.0, overstress)
-            if damage is not None:
+            if damage is not None and isinstance(stress_update, Softening):
                 # The derivative of eta P is eta dP/dF + d(eta)/dW P P, as P = dW/dF.
-                assert stress_update is not None
                 moduli = self.material.moduli(*state, follower_pressure / damage)
                 slope = 0.5 * stress_update.mullins.damage_slope(*energies) / damage
                 moduli.pairs.append((law_stress, slope[..., None, None] * law_stress))

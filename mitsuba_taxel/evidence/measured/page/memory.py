@@ -170,6 +170,6 @@ def _widths_alone() -> str:
         f"{play:.2f} mm) and slip of the pad are excluded as well, because they change nothing at equal force. An "
         "elastic compliance of the robot causes no loop. Possible causes are softening by the first strain (Mullins' "
         f"effect), if it is larger below the indenter than at the roofs, or a softening by {min(lower, at_force):.0f} "
-        f"to {max(lower, at_force):.0f} % together with play or slip. These data do not show which; none of these "
-        "effects is modelled."
+        f"to {max(lower, at_force):.0f} % together with play or slip. These data do not show which; the next section "
+        "computes the first."
     )
