@@ -85,7 +85,13 @@ class Explanation:
 
 
 def part_rows() -> list[PartRow]:
-    """Rows of all parts of the catalogue that have a distance curve."""
+    """Compute the curves of all parts of the catalogue that have a distance curve.
+
+    Returns
+    -------
+    list[PartRow]
+        One row per part, and one for the QRE1113 under white paper.
+    """
     rows = []
     for name in part_names():
         sheet = read_datasheet(name)
@@ -107,7 +113,13 @@ def _relative(part: Part, heights: np.ndarray) -> np.ndarray:
 
 
 def explanations() -> list[Explanation]:
-    """Candidates for what lights and receives in a VCNT2020; numbers were found by a search, see the page."""
+    """Compute the curves of candidates for what lights and receives in a VCNT2020, whose numbers a search has found.
+
+    Returns
+    -------
+    list[Explanation]
+        One row per candidate.
+    """
     part = read_datasheet("vcnt2020").with_numbers({})
 
     def dies(sizes: tuple[float, float], length: float, depths: tuple[float, float], index: float = 1.5) -> Part:
@@ -188,7 +200,18 @@ HEADINGS = ("part", "reflector", "brightest at [mm]", "computed [mm]", "largest 
 
 
 def cells(row: PartRow) -> list[str]:
-    """Texts of a row, by `HEADINGS`."""
+    """Format a row as texts, by `HEADINGS`.
+
+    Parameters
+    ----------
+    row : PartRow
+        A part.
+
+    Returns
+    -------
+    list[str]
+        Cells.
+    """
     at = f"{row.heights[row.sheet.argmax()]:g}"
     if row.model is None:
         return [row.name, row.reflector, at, "-", "geometry unknown", "-"]
@@ -200,12 +223,35 @@ EXPLANATION_HEADINGS = ("what lights and receives", "distance curve, miss [%]", 
 
 
 def explanation_cells(row: Explanation) -> list[str]:
-    """Texts of a candidate, by `EXPLANATION_HEADINGS`."""
+    """Format a candidate as texts, by `EXPLANATION_HEADINGS`.
+
+    Parameters
+    ----------
+    row : Explanation
+        A candidate.
+
+    Returns
+    -------
+    list[str]
+        Cells.
+    """
     return [row.name, f"{100 * row.miss:.1f}", f"{row.x_width:.3f}", f"{row.y_width:.3f}"]
 
 
 def write_page(rows: list[PartRow], candidates: list[Explanation], page: Path, command: str) -> None:
-    """Write the page, and its picture beside it."""
+    """Write the page, and its picture beside it.
+
+    Parameters
+    ----------
+    rows : list[PartRow]
+        Parts.
+    candidates : list[Explanation]
+        Candidates for the VCNT2020, in the order of `explanations`.
+    page : Path
+        File of the page, which ends in .md.
+    command : str
+        Command that writes it.
+    """
     picture = page.with_suffix(".png")
     _plot(rows, candidates, picture)
     wide = [row for row in candidates if abs(row.x_width - EDGE_WIDTH) < 0.02 * EDGE_WIDTH]

@@ -55,7 +55,18 @@ def _short(value: Any) -> Any:
 
 
 def interval_text(unknown: PartUnknown) -> str:
-    """The interval of an unknown in words; an end at a limit of the allowed values is named as such."""
+    """State the interval of an unknown in words; an end at a limit of the allowed values is named as such.
+
+    Parameters
+    ----------
+    unknown : PartUnknown
+        A fitted unknown.
+
+    Returns
+    -------
+    str
+        Words, such as ``0.02 (limit) to 0.31 mm``.
+    """
     low, high = unknown.interval
     ends = [
         f"{end:.3g}" + (" (limit)" if end == limit else "")
@@ -65,7 +76,18 @@ def interval_text(unknown: PartUnknown) -> str:
 
 
 def part_answer(fit: PartFit) -> str:
-    """The fitted numbers in one line."""
+    """State the fitted numbers in one line.
+
+    Parameters
+    ----------
+    fit : PartFit
+        Result of `fit_part`.
+
+    Returns
+    -------
+    str
+        One line.
+    """
     values = [f"{u.name} = {u.value:.3g} {u.unit}".rstrip() for u in fit.unknowns]
     words = ("" if unknown.determined else " (not determined)" for unknown in fit.unknowns)
     return ", ".join(map("".join, zip(values, words, strict=True))) + "."
