@@ -39,8 +39,8 @@ def test_noise_of_the_force_is_no_turning_point(record, newtons):
     ids=["as usual", "noisy voltage", "noisy force", "no pauses", "few rows"],
 )
 def test_known_figures_are_found(record, covered, how):
-    """16 records of 4 taxels."""
-    table = figures(record(seed, taxels=4, **how) for seed in range(16))
+    """8 records of 4 taxels."""
+    table = figures(record(seed, taxels=4, **how) for seed in range(8))
     truth = {"mean_slope": 0.03, "nonlinearity": 7.5, "hysteresis": 5, "repeatability": 0}
     for name, value in truth.items():
         rows = table[table.figure == name]
