@@ -31,7 +31,8 @@ the difference from a reference value. The reference value is extrapolated from 
 less (at most 1 / {finer:g} of the default size) and on elements {coarser:.2f} times as large, or larger where fillets
 leave both meshes nearly the same; the error is assumed to fall with the power {order:g} of the element size. Where such
 elements would take too long, the setting names the size that its reference has instead, as in "(reference: 0.75 mm)";
-under an indenter, all elements are smaller in proportion. Light is computed without random numbers, with the same patches on all meshes.
+under an indenter, all elements are smaller in proportion. Light is computed without random numbers, with the same
+patches on all meshes.
 
 **{summary}**
 
