@@ -160,7 +160,9 @@ class Datasheet:
         InputError
             if a number is still missing, or is not allowed.
         """
-        stated = {key: dict(value) if isinstance(value, dict) else value for key, value in self.stated.items()}
+        stated: dict[str, Any] = {
+            key: dict(value) if isinstance(value, dict) else value for key, value in self.stated.items()
+        }
         for name, number_ in numbers.items():
             role, _, entry = name.rpartition(".")
             (stated[role] if role else stated)[entry] = number_
@@ -171,9 +173,9 @@ class Datasheet:
                 f"{', '.join(complete.missing)}. A file of your own with these numbers, measured or fitted by `taxel "
                 "fit`, is needed."
             )
-        sides = {role: _side(self.name, role, stated[role], self.body) for role in ("emitter", "detector")}
-        values = {entry.name: getattr(complete, entry.name) for entry in fields(Datasheet)}
-        return Part(**values, resin_index=stated["resin_index"], **sides)
+        emitter, detector = (_side(self.name, role, stated[role], self.body) for role in ("emitter", "detector"))
+        values: dict[str, Any] = {entry.name: getattr(complete, entry.name) for entry in fields(Datasheet)}
+        return Part(**values, resin_index=float(stated["resin_index"]), emitter=emitter, detector=detector)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

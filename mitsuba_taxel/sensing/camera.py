@@ -151,21 +151,32 @@ def camera_image(
     # Pixels at the border of the coat show what is beside it as well.
     padded = np.pad(view.coat, 1)
     inside = view.coat & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
-    if inside.any() and not images.any(axis=0)[inside].any():
+    if inside.any() and not np.any(images != 0, axis=0)[inside].any():
         raise InputError(
             f"no light reaches the coat, of {count * REPLICATES} paths from each pixel: turn a light towards the coat, "
             "and give the regions outer and bottom, where light enters, the BSDF null."
         )
-    changes: tuple[np.ndarray, np.ndarray] | tuple[()] = ()
+    changes: dict[str, np.ndarray] = {}
     if difference:
         pads = deformed_pads(live)
         rest = [pad.moved_places(replace(pad.state, displacement=0 * pad.state.displacement), pad.pad) for pad in pads]
         with moved(live, pads, rest):
             unloaded = _replicates(live, view.camera, count, seed, run, progress)
-        changes = _mean_and_error(images - unloaded)
-    seen = view.depth, view.coat, view.displacement, view.contact_pressure
-    numbers = count, REPLICATES, seed, time.perf_counter() - began
-    return CameraImage(*_mean_and_error(images), *seen, *numbers, *changes)
+        changes = dict(zip(("difference", "difference_error"), _mean_and_error(images - unloaded), strict=True))
+    radiance, standard_error = _mean_and_error(images)
+    return CameraImage(
+        radiance,
+        standard_error,
+        view.depth,
+        view.coat,
+        view.displacement,
+        view.contact_pressure,
+        samples=count,
+        replicates=REPLICATES,
+        seed=seed,
+        seconds=time.perf_counter() - began,
+        **changes,
+    )
 
 
 def _replicates(

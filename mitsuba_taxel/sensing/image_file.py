@@ -130,7 +130,7 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
             channels = {name: channel.pixels for name, channel in exr.channels().items()}
         about = json.loads(header[ABOUT])
         names = "RGB" if "R" in channels else "Y"
-        changes = {
+        changes: dict[str, Any] = {
             quantity: _stacked(channels, f"{quantity}.", names)
             for quantity in CHANGES
             if f"{quantity}.{names[0]}" in channels
@@ -142,7 +142,9 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
             channels["coat"] > 0,
             _stacked(channels, "displacement.", "xyz"),
             channels.get("contact_pressure"),
-            *(int(header[name]) for name in ("samples", "replicates", "seed")),
+            samples=int(header["samples"]),
+            replicates=int(header["replicates"]),
+            seed=int(header["seed"]),
             seconds=float(about.pop("seconds")),
             **changes,
         )

@@ -247,10 +247,11 @@ def _minimum(
             columns.append((residual(at(moved)) - here) / step)
         return np.stack(columns, axis=1)
 
+    def residual_at(free: np.ndarray) -> np.ndarray:
+        return residual(at(free))
+
     inside = np.clip(start[is_free], 1e-6, 1 - 1e-6)
-    found = least_squares(
-        lambda free: residual(at(free)), inside, jac=slopes, bounds=(0, 1), xtol=1e-4, ftol=1e-4, max_nfev=15
-    )
+    found = least_squares(residual_at, inside, jac=slopes, bounds=(0, 1), xtol=1e-4, ftol=1e-4, max_nfev=15)
     return at(found.x), 2 * float(found.cost)
 
 

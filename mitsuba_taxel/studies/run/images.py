@@ -155,15 +155,15 @@ def _compute(
     errors = {number: kept["relative_error"] for number, (job, kept) in stored.items() if kept and is_enough(kept, job)}
     finished = errors.keys() | failures.keys()
     remaining: Any = ([job for job in along if job.number not in finished] for along in curves.values())
-    job: Any
+    done: Any
     outcome: Any
-    for job, outcome in pool.outcomes(remaining):
-        store.keep(job, outcome)
+    for done, outcome in pool.outcomes(remaining):
+        store.keep(done, outcome)
         if isinstance(outcome, Failure):
-            failures[job.number] = outcome
+            failures[done.number] = outcome
         else:
-            failures.pop(job.number, None)
-            errors[job.number] = outcome.about["relative_error"]
+            failures.pop(done.number, None)
+            errors[done.number] = outcome.about["relative_error"]
         if progress:
             worst = max((error for error in errors.values() if error is not None), default=0.0)
             progress(ImageProgress(len(errors) + len(failures), len(failures), len(jobs), worst))
