@@ -157,7 +157,8 @@ class Store:
     @property
     def _numbered_files(self) -> tuple[tuple[str, str], ...]:
         """Subfolders with a file for each job, and the suffixes of these files."""
-        return (self.results, self.suffix), (FAILED, ".json")
+        maps = [(MAPS, ".exr")] if any((self.folder / path / MAPS).is_dir() for path in ("", GROWN)) else []
+        return (self.results, self.suffix), (FAILED, ".json"), *maps
 
     @property
     def scene(self) -> str:
@@ -308,7 +309,8 @@ class Store:
     def _keep_files(self, files: Mapping[str, bytes]) -> None:
         for name, content in files.items():
             target = self.folder / name
-            if not target.exists():
+            # Meshes have names of their content; the map of a job may be one with fewer points.
+            if name.startswith(f"{MAPS}/") or not target.exists():
                 target.parent.mkdir(exist_ok=True)
                 with replacing(target) as file:
                     file.write_bytes(content)
@@ -322,7 +324,11 @@ class Store:
             kept = None if arrays is None else _kept(arrays)
         except Exception:  # missing, or in the format of another version
             return None
-        return kept if kept is not None and kept.readings.parameters == parameters else None
+        if kept is None or kept.readings.parameters != parameters:
+            return None
+        # A study that has grown since has given the job another number.
+        files = [f"{MAPS}/{number:06d}.exr" if name.startswith(f"{MAPS}/") else name for name in kept.files]
+        return kept._replace(files=files)
 
     def file_of(self, number: int) -> Path:
         """File of the result of a job."""

@@ -145,6 +145,19 @@ def test_maps_lie_beside_the_results(tmp_path):
     assert mean * 0.52 * 0.3 == pytest.approx(float(result.power.sel(z=0.7)[0]), rel=1e-5)
 
 
+def test_maps_of_a_study_that_grows_stay_with_their_scenes(tmp_path):
+    """A value in between gives the last scene another number, and more points compute all maps anew."""
+    import OpenEXR
+
+    for values, points in (("0.6,0.8", 64), ("0.6,0.7,0.8", 64), ("0.6,0.7,0.8", 256)):
+        result = sweep("plate.xml", {"z": values}, PLATE, points=points, output=tmp_path / "out", maps=True)
+        assert result["map"].values.tolist() == [f"maps/{number:06d}.exr" for number in range(len(result.power))]
+        for name, power in zip(result["map"].values, result.power.values, strict=True):
+            with OpenEXR.File(str(tmp_path / "out" / name)) as image:
+                mean = image.channels()["irradiance"].pixels.mean()
+            assert mean * 0.52 * 0.3 == pytest.approx(float(power[0]), rel=1e-5)
+
+
 def test_pad_study_writes_one_mesh_for_each_state_of_the_pad(tmp_path):
     vary = {"fz": "0,-1", "scattering": "isotropic,lambertian"}
     result = sweep("pad.xml", vary, points=64, output=tmp_path / "out")
