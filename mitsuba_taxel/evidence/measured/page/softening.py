@@ -29,9 +29,8 @@ def softening_section(study: xr.Dataset) -> str:
     words = (
         f"With all three constants fitted, the four widths are met to {best:.2f} points. "
         + (f"With beta = {', '.join(alike)} they are met to {ALLOWED:g} points as well: " if alike else "")
-        + "the widths hardly determine beta. So Mullins' effect alone is a possible cause: silicone below the "
-        "indenter, where strains are large, softens more than that around the roof, and the roof is less pressed on "
-        "the way back. This is not a proof: three constants are fitted to four numbers; it is not known whether the "
+        + "the widths hardly determine beta. So Mullins' effect alone is a possible cause of the loops. This "
+        "is not a proof: three constants are fitted to four numbers; it is not known whether the "
         "recorded cycle was the first one, and after a first cycle this law has no loop. Taxels 5 and 17 are not "
         "predicted yet, and the creep after release needs relaxation in addition, which is not modelled together with "
         "this effect."
@@ -41,8 +40,8 @@ def softening_section(study: xr.Dataset) -> str:
 The silicone of a first cycle is softer on the way back ([law](theory/mechanics.md#mullins-effect)). The table has the
 loops of **one cell** of that pad below the indenter found above, on elements of {MESH_SIZE:g} mm, to first order in the
 softening; the mean displacement of the roof stands for the voltage, and no light is computed. Widths are in percent, as
-above; m is relative to Young's modulus E. Signs are as measured: on the way back, the voltage is lower at equal travel
-and higher at equal force.
+above; m is relative to Young's modulus E. Signs are those that the measured widths suggest: on the way back, the
+voltage is lower at equal travel and higher at equal force.
 
 **Fitted to the four measured widths:**
 
