@@ -86,7 +86,7 @@ def _path(
     terms = "; ".join(f"{weight:.5g} {time:g}" for weight, time in prony)
     request = {**press._asdict(), "prony": terms, "rows": rows, "points": points, "friction": friction}
     request |= {"mesh_size": size}
-    settings = ("rubbed" if friction else "", f"on {size:g}" if mesh_size else "")
+    settings: tuple[str, ...] = ("rubbed" if friction else "", f"on {size:g}" if mesh_size else "")
     if mullins:
         request |= {"mullins": mullins}
         position = press.name.partition("_at_")[2]

@@ -154,7 +154,7 @@ def fit(study: xr.Dataset, beta: float | None = None) -> SofteningFit:
     fixed = [] if beta is None else [beta]
 
     def constants(logs: np.ndarray) -> tuple[float, float, float]:
-        r, m, last = (*np.exp(logs).tolist(), *fixed)
+        r, m, last = [*map(float, np.exp(logs)), *fixed]
         return r, m, last
 
     def residuals(logs: np.ndarray) -> np.ndarray:
