@@ -54,7 +54,7 @@ def test_a_dome_catches_all_light_and_no_patch_more_than_passes_its_outline(law,
     assert len(light.lit) < 500_000
 
 
-def directions(law, count=24):
+def directions(law, count=12):
     """Cosines (N,) of a rule on the light of a narrow law, and shares (N,) of the power."""
     share, weight = np.polynomial.legendre.leggauss(count)
     parts = np.concatenate([np.linspace(0, 1, 4)[:-1], 1 - 0.3 ** np.arange(1.0, 19)])
