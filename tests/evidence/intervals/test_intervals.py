@@ -28,9 +28,12 @@ ALARM = 1e-4
     "ramp, noise hidden by steps", "mixture, noise white", "sine, noise as large as steps", "ramp, noise white, 10",
 ])  # fmt: skip
 def test_stated_errors_of_recordings_hold(case):
-    """Max slopes of stairs were off by any amount, as of noise below a step; correlated noise was taken for white."""
+    """Max slopes of stairs were off by any amount, as of noise below a step; correlated noise was taken for white.
+
+    Few recordings tell this; the page below counts 200 of each case.
+    """
     (one,) = interval_cases(case)
-    count = 40 if "10" not in case else 15
+    count = 20 if "10" not in case else 10
     rows = replace(one, count=count).measured()
     _check(rows, least_stated=0.8)
     assert {row.figure for row in rows} == {
@@ -44,7 +47,7 @@ def test_stated_errors_of_recordings_hold(case):
 ])  # fmt: skip
 def test_intervals_of_fits_hold(case):
     """Without the model's own errors, intervals of the last four held 10 to 33 % of the softness."""
-    _check(replace(interval_cases(case)[0], count=150).measured())
+    _check(replace(interval_cases(case)[0], count=80).measured())
 
 
 @pytest.mark.parametrize("case", ["export: errors of", "export: errors common", "force: analogue", "force: steps"])
