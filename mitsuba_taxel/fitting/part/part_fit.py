@@ -147,8 +147,22 @@ def fit_part(curve: str | Path, part: str | Path, zero: float = 0.0) -> PartFit:
 
 
 def part_unknowns(sheet: Datasheet) -> list[PartUnknown]:
-    """Unknowns of a photo-reflector that a curve of current over distance can determine, with their ranges; raises
-    `InputError`.
+    """Find the unknowns of a part that a curve of current over distance can determine, with their ranges.
+
+    Parameters
+    ----------
+    sheet : Datasheet
+        What the file of the part states.
+
+    Returns
+    -------
+    list[PartUnknown]
+        Unknowns without values.
+
+    Raises
+    ------
+    InputError
+        if other numbers are unknown, such as positions.
     """
     missing = set(sheet.missing)
     unknowns = []
