@@ -195,7 +195,7 @@ def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, 
         if the name has another ending.
     """
     file = _model_file(file)
-    arrays = {
+    arrays: dict[str, Any] = {
         name.name: np.asarray(getattr(model, name.name))
         for name in fields(model)
         if name.name not in ("second", "errors")
@@ -236,7 +236,7 @@ def read_contact_model(file: str | Path) -> ContactModel:
     path = path_of("file", file)
     try:
         with np.load(path, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in content.files}
+            arrays: dict[str, Any] = {name: content[name] for name in content.files}
         about = json.loads(str(arrays.pop("about")))
         later = about["format"] > FORMAT
     except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
@@ -248,7 +248,7 @@ def read_contact_model(file: str | Path) -> ContactModel:
         if "second_reading" in arrays:
             second = SecondOrder(arrays.pop("second_reading"), arrays.pop("second_force"))
         width, depth = arrays.pop("size").tolist()
-        scalars = {name: float(arrays.pop(name)) for name in ("height", "largest_depth")}
+        scalars: dict[str, Any] = {name: float(arrays.pop(name)) for name in ("height", "largest_depth")}
         errors = None if about["errors"] is None else LearntErrors(**about["errors"])
         return ContactModel(size=(width, depth), second=second, errors=errors, **scalars, **arrays)
     except (ValueError, KeyError, TypeError) as error:

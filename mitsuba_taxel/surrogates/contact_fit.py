@@ -71,14 +71,15 @@ def contact_model(
     require("scene", scene, Scene, "a Scene")
     check_progress(progress)
     for name, value in {"depth": depth, "spacing": spacing, "mesh_size": mesh_size}.items():
-        if not ((value is None and name != "depth") or (is_number(value) and value > 0)):
+        optional = value is None and name != "depth"
+        if not (optional or (value is not None and is_number(value) and value > 0)):
             raise refusal(name, value, "a finite length in mm above 0 is needed")
 
     # The pad at rest with a free top, on elements of about the size of the patches.
     cells = DiffuseCells(scene.load())
     pad = cells.pad
     _refuse_other_pads(pad)
-    spacing = spacing or max(pad.pad.extent[:2]) / ALONG
+    spacing = spacing or float(np.ptp(pad.state.mesh.points[:, :2], axis=0).max()) / ALONG
     state = load_path(
         pad.pad, pad.material, [(0.0, 0.0, 0.0)], load=SpreadForce(), mesh_size=mesh_size or ELEMENTS * spacing
     )[0]
@@ -119,7 +120,8 @@ def _refuse_other_pads(pad: PadShape) -> None:
     """Raise `InputError` for a pad whose contact the model does not describe."""
     if pad.is_loaded:
         raise InputError("a model of contact starts from the pad at rest: set the load of the scene to 0.")
-    if pad.prony:
-        raise InputError("a model of contact has no memory: remove prony from the pad.")
+    for name in ("prony", "mullins"):
+        if getattr(pad, name):
+            raise InputError(f"a model of contact has no memory: remove {name} from the pad.")
     if pad.load.self_contact:
         raise InputError("a model of contact leaves out contact of the pad with itself: remove self_contact.")

@@ -76,8 +76,8 @@ class Touch:
         """The body for the finite elements."""
         from mitsuba_taxel.mechanics import Indenter
 
-        turned = {"angle": self.angle} if self.kind == "cylinder" else {}
-        return Indenter(self.kind, radius=self.radius, at=(self.x, self.y), **turned)
+        body = Indenter(self.kind, radius=self.radius, at=(self.x, self.y))
+        return replace(body, angle=self.angle) if self.kind == "cylinder" else body
 
 
 @dataclass(frozen=True)
@@ -170,7 +170,7 @@ def solved_touch(cells: DiffuseCells, touch: Touch) -> SolvedTouch:
         with restored(cells.scene, [pad]):
             # The triangles of the scene belong to its own elements.
             own = pad.state.mesh.points
-            displacement = displacement_at(state.mesh, state.displacement, own, BESIDE * pad.pad.extent[2])
+            displacement = displacement_at(state.mesh, state.displacement, own, BESIDE * np.ptp(own[:, 2]))
             move(cells.scene, [pad], [pad.moved_places(replace(pad.state, displacement=displacement), pad.pad)])
             light.refuse_occluded()
         power.append(light.power.tolist())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import product
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -64,14 +64,17 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
     full_scale = float(np.abs(rows.full_force[:, 2]).max())
 
     # Terms of the readings: those with which bodies that were left out are predicted best.
-    predicted = {}
-    for used, shared in product(product((False, True), repeat=2), (True, False)):
-        predicted[used, shared] = _left_out(rows, lambda kept, u=used, s=shared: _reading_terms(rows, kept, u, s))
+    uses = [(first, second) for first in (False, True) for second in (False, True)]
+    predicted = {
+        (used, shared): _left_out(rows, partial(_reading_terms, rows, used=used, shared=shared))
+        for used in uses
+        for shared in (True, False)
+    }
     best = min(predicted, key=lambda key: _rms((predicted[key] - rows.full_change) / scale))
     misses = (predicted[best] - rows.full_change) / scale
 
     # Terms of the force.
-    forces = {used: _left_out_forces(rows, used) for used in product((False, True), repeat=2)}
+    forces = {used: _left_out_forces(rows, used) for used in uses}
     best_force = min(forces, key=lambda used: float(np.square(forces[used] - -rows.full_force[:, 2]).mean()))
     vectors = np.stack([0 * rows.force, 0 * rows.force, -forces[best_force]], axis=1)
     force_misses = np.linalg.norm(vectors - rows.full_force, axis=1) / full_scale

@@ -12,6 +12,7 @@ from mitsuba_taxel.mechanics import (
     DeadForce,
     Indenter,
     IndenterDisplacement,
+    Mullins,
     NeoHookean,
     SpreadForce,
     Viscoelastic,
@@ -133,6 +134,7 @@ def test_what_is_beyond_the_model_is_flagged_for_each_pad(model, monkeypatch):
     [
         ({"force": (0, 0, -0.1)}, "the pad at rest: set the load"),
         ({"material": Viscoelastic(SILICONE, ((0.3, 1.0),))}, "remove prony"),
+        ({"material": Mullins(SILICONE, 2.0, 0.01)}, "remove mullins"),
         ({"roof": Wall("mirror")}, "random paths|diffuse|mirror|reflect"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -108,7 +109,8 @@ def part_rows() -> list[PartRow]:
 def _relative(part: Part, heights: np.ndarray) -> np.ndarray:
     """Computed currents (N,), relative to the largest between the heights."""
     model = distance_model(part, heights)
-    around = np.linspace(*np.sort(heights[np.abs(heights - heights[model.argmax()]).argsort()][:3])[[0, -1]], 12)
+    nearest = heights[np.abs(heights - heights[model.argmax()]).argsort()][:3]
+    around = np.linspace(nearest.min(), nearest.max(), 12)
     return model / max(model.max(), distance_model(part, around).max())
 
 
@@ -134,7 +136,7 @@ def explanations() -> list[Explanation]:
 
     windows = replace(part, emitter=whole(part.emitter), detector=whole(part.detector))
     rows: list[tuple[str, Callable[[float], MirrorRays]]] = [
-        (name, lambda height, of=of: mirror_rays(of, height))
+        (name, partial(mirror_rays, of))
         for name, of in (
             ("dies of 0.35 and 0.40 mm, 0.1 mm deep (the catalogue)", part),
             ("dies of 0.29 and 0.63 mm, 0.62 mm deep, index 1.3", dies((0.289, 0.634), 0, (0.615, 0.615), 1.3)),
@@ -146,7 +148,7 @@ def explanations() -> list[Explanation]:
         )
     ]
     rows += [
-        (f"a scattering surface {depth:g} mm above small dies", lambda height, d=depth: scattered_rays(part, d, height))
+        (f"a scattering surface {depth:g} mm above small dies", partial(scattered_rays, part, depth))
         for depth in (0.2, 0.6)
     ]
     return [_explanation(part, name, rays) for name, rays in rows]
@@ -281,9 +283,10 @@ def _plot(rows: list[PartRow], candidates: list[Explanation], file: Path) -> Non
         ax.set_ylabel("current [% of the largest]")
         ax.legend(fontsize="small")
     last = axes[-1]
-    for number, row in enumerate(candidates):
-        last.plot(row.x_width, 100 * row.miss, "o", color=COLOURS[number % len(COLOURS)])
-        last.annotate(str(number + 1), (row.x_width, 100 * row.miss), xytext=(4, 3), textcoords="offset points")
+    for number, candidate in enumerate(candidates):
+        place = candidate.x_width, 100 * candidate.miss
+        last.plot(*place, "o", color=COLOURS[number % len(COLOURS)])
+        last.annotate(str(number + 1), place, xytext=(4, 3), textcoords="offset points")
     last.axvline(EDGE_WIDTH, color="black", lw=0.8)
     last.axhline(100 * ALLOWED, color="black", lw=0.8, ls="--")
     last.set_xlabel("edge of a mirror along x, 10 to 90 % [mm]")
