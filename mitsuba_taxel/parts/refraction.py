@@ -63,7 +63,20 @@ def relative_radiance(emitter: Side, cosine: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def sobol_points(dimensions: int, count: int = POINTS) -> np.ndarray:
-    """Quasi-random numbers (count, dimensions) from -1/2 to 1/2, read-only; the count is a power of 2."""
+    """Points of a Sobol' sequence around 0.
+
+    Parameters
+    ----------
+    dimensions : int
+        Number of coordinates of each point.
+    count : int
+        Number of points, a power of 2.
+
+    Returns
+    -------
+    (count, dimensions) ndarray
+        Coordinates from -1/2 to 1/2, read-only.
+    """
     from scipy.stats import qmc
 
     points = qmc.Sobol(dimensions, seed=np.random.default_rng(0)).random(count) - 0.5
@@ -98,7 +111,20 @@ def emitted_rays(side: Side, uniform: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def passes_window(side: Side, points: np.ndarray) -> np.ndarray:
-    """Whether points (N, 2) in mm lie in the window of a die."""
+    """Find which points lie in the window of a die.
+
+    Parameters
+    ----------
+    side : Side
+        The die with its window.
+    points : (N, 2) ndarray
+        Points in the plane of the window, mm.
+
+    Returns
+    -------
+    (N,) ndarray of bool
+        Whether each point lies in the window.
+    """
     x, y = np.abs(points - side.window_centre).T
     half_width = side.window_width / 2
     if side.window_shape == "rectangle":

@@ -41,7 +41,18 @@ _COMPONENTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 
 
 def tensors(components: np.ndarray) -> np.ndarray:
-    """Symmetric tensors (..., 3, 3) from their components (..., 6): xx, yy, zz, xy, yz, xz."""
+    """Assemble symmetric tensors from their components.
+
+    Parameters
+    ----------
+    components : (..., 6) ndarray
+        Components xx, yy, zz, xy, yz, xz.
+
+    Returns
+    -------
+    (..., 3, 3) ndarray
+        The tensors.
+    """
     return components[..., _COMPONENTS]
 
 
