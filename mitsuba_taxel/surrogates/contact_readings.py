@@ -38,7 +38,7 @@ class ContactReadings(NamedTuple):
         Centre of pressure, x and y in mm; NaN without contact.
     area : (B,) ndarray
         Area in mm² of the patches in contact.
-    pressure : (B, rows, columns) ndarray
+    pressure : (B, R, C) ndarray
         Mean contact pressure of each patch in MPa.
     status : (B,) ndarray of int
         0 within the range of the model; otherwise the sum of `NOT_A_NUMBER` 1, `TOO_DEEP` 2, `TOO_FAR` 4,
@@ -109,30 +109,30 @@ class ContactModel(Displayed):
 
     Attributes
     ----------
-    x : (columns,) ndarray
+    x : (C,) ndarray
         Centres of the columns of patches in mm, ascending.
-    y : (rows,) ndarray
+    y : (R,) ndarray
         Centres of the rows in mm, descending.
     size : (float, float)
         Size of a patch along x and y in mm.
     height : float
         Height of the undeformed top above the board in mm.
-    covered : (rows, columns) ndarray of bool
-        Patches that lie on the top: m in all.
-    compliance : (m, m) ndarray
+    covered : (R, C) ndarray of bool
+        Patches that lie on the top: M in all.
+    compliance : (M, M) ndarray
         Mean normal displacement of each patch in mm, per N on each.
     rest : (T,) ndarray
         Readings at rest in W.
-    gradient : (T, m) ndarray
+    gradient : (T, M) ndarray
         Change of the readings in W per N on each patch.
     largest_depth : float
         Largest depth of the range of the model in mm.
     places : (2, 2) ndarray
         Range of the centre of pressure in mm: its lowest, then its highest x and y.
-    second : SecondOrder or None
-        Second-order terms; None for a linear model.
-    errors : LearntErrors or None
-        Errors on bodies that were left out; None for a linear model, whose error is not known.
+    second : NamedTuple or None
+        Second-order terms, a `SecondOrder`; None for a linear model.
+    errors : NamedTuple or None
+        Errors on bodies that were left out, `LearntErrors`; None for a linear model, whose error is not known.
     """
 
     x: np.ndarray

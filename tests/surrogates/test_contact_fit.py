@@ -63,7 +63,7 @@ def test_balls_and_rods_at_small_depths_are_as_in_the_full_solution(model, kind,
 
 
 @dataclass(frozen=True)
-class OnPatches(DeadForce, name="on_patches_of_a_test"):
+class OnPatches(DeadForce):
     """A force in given proportions on the nodes."""
 
     loads_rim = False
