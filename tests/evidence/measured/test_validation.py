@@ -87,8 +87,11 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
     monkeypatch.setattr(validation, "pad_section", lambda found, pictures: "## A real pad under its indenter")
     monkeypatch.setattr(validation, "tried", lambda store, found: {})
     monkeypatch.setattr(validation, "assumptions_section", lambda found, tried: "### Other assumptions")
+    monkeypatch.setattr(validation, "first_loading", lambda store, press, late: None)
+    monkeypatch.setattr(validation, "softening_section", lambda study: "### Mullins' effect in one cell")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()
     for words in (
+        "Mullins' effect in one cell",
         "VCNT2020",
         "its indenter",
         "Other assumptions",
