@@ -51,6 +51,9 @@ FINER = 2.0
 COARSER = math.sqrt(2)
 LEAST_RATIO = 1.1
 """Least actual ratio of element sizes of the two meshes of the reference. With less, coarser meshes are used."""
+REFINEMENTS = 2
+"""Largest number of times that the elements of a reference are made smaller, by `COARSER`, because its extrapolation
+exceeds the stated error."""
 PITCH_OF_THICK_WALLS = 3.55
 TOUCHED = ("sphere", "punch", "cylinder", "plane")
 """Indenters of `touch_settings`."""
@@ -90,7 +93,15 @@ class CoverageCase:
             scene = self.sensor.scene() if not self.file_format else self._from_file(Path(folder))
             try:
                 default, pad = _read(scene, mechanics_error=True)
-                truth, extrapolated = self._truth(pad.mesh_size or pad.pad.default_mesh_size)
+                mesh_size = pad.mesh_size or pad.pad.default_mesh_size
+                size = self.fine or min(FINE, mesh_size / FINER)
+                truth, extrapolated = self._truth(size, mesh_size)
+                # A reference that is less certain than the stated error cannot confirm it.
+                for _ in range(REFINEMENTS):
+                    if np.all(extrapolated <= default.mechanics_error):
+                        break
+                    size /= COARSER
+                    truth, extrapolated = self._truth(size, mesh_size)
             except ComputationError as error:
                 return CoverageRow(self.name, str(error))
         stated_error, power = default.mechanics_error, default.power
@@ -115,13 +126,12 @@ class CoverageCase:
         """Row of a case whose process ended without a result, for the reason ``end``."""
         return CoverageRow(self.name, end)
 
-    def _truth(self, mesh_size: float) -> tuple[np.ndarray, np.ndarray]:
+    def _truth(self, size: float, mesh_size: float) -> tuple[np.ndarray, np.ndarray]:
         """Compute reference values: the power (T,) in W of T taxels in the limit of small elements, and the change (T,)
         of the power by the extrapolation from the finest elements.
 
-        ``mesh_size`` is the mesh size of the reading, in mm.
+        ``size`` is the mesh size of the finest elements, and ``mesh_size`` that of the reading, in mm.
         """
-        size = self.fine or min(FINE, mesh_size / FINER)
         fine, smaller = _read(self.sensor.scene().with_mesh_size(size))
         # Fillets and thin walls limit the size of elements: two meshes may differ far less than their nominal sizes.
         for coarser in (COARSER * size, COARSER**2 * size, mesh_size):

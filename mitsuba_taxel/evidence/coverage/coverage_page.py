@@ -10,7 +10,7 @@ from typing import Any
 from mitsuba_taxel.base.convergence import ORDER
 from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
-from mitsuba_taxel.evidence.coverage.coverage_cases import COARSER, FINE, FINER
+from mitsuba_taxel.evidence.coverage.coverage_cases import COARSER, FINE, FINER, REFINEMENTS
 from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow, summary
 from mitsuba_taxel.evidence.extremes.tables import LEFT
 from mitsuba_taxel.evidence.intervals import intervals, probabilities
@@ -31,8 +31,9 @@ the difference from a reference value. The reference value is extrapolated from 
 less (at most 1 / {finer:g} of the default size) and on elements {coarser:.2f} times as large, or larger where fillets
 leave both meshes nearly the same; the error is assumed to fall with the power {order:g} of the element size. Where such
 elements would take too long, the setting names the size that its reference has instead, as in "(reference: 0.75 mm)";
-under an indenter, all elements are smaller in proportion. Light is computed without random numbers, with the same
-patches on all meshes.
+under an indenter, all elements are smaller in proportion. If the extrapolation exceeds the stated error, the elements
+of the reference are made smaller by the factor {coarser:.2f}, up to {refinements} times. Light is computed without
+random numbers, with the same patches on all meshes.
 
 **{summary}**
 
@@ -164,6 +165,7 @@ class CoveragePage:
             fine=FINE,
             finer=FINER,
             coarser=COARSER,
+            refinements=REFINEMENTS,
             order=ORDER,
             summary=summary(self._readings),
             table=markdown_table(headings(CoverageRow), map(cells, self._readings), LEFT),

@@ -87,7 +87,7 @@ def test_meshes_of_a_reference_differ_enough_to_extrapolate(ratios, monkeypatch)
     shape = SimpleNamespace(state=SimpleNamespace(mesh=None))
     monkeypatch.setattr(coverage_cases, "_read", lambda _: (SimpleNamespace(power=next(power)), shape))
     monkeypatch.setattr(coverage_cases, "size_ratio", lambda *_: left.pop(0))
-    truth, extrapolated = case._truth(1.25)
+    truth, extrapolated = case._truth(0.4, 1.25)
     assert not left and not list(sizes)
     assert truth == pytest.approx(1.0) and extrapolated == pytest.approx(0.01)
 
@@ -98,7 +98,7 @@ def test_meshes_of_a_reference_that_are_all_the_same_are_a_remark(monkeypatch):
     monkeypatch.setattr(coverage_cases, "_read", lambda *_, **__: same)
     monkeypatch.setattr(coverage_cases, "size_ratio", lambda *_: 1.01)
     with pytest.raises(ComputationError, match="no two meshes"):
-        case._truth(1.25)
+        case._truth(0.4, 1.25)
 
 
 @pytest.fixture
