@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.parts.part import Side
 
 POINTS = 2**13
@@ -39,7 +38,7 @@ def refracted(index: float, height: float, depths: float, distance: np.ndarray) 
     return np.interp(distance, lateral, angle), np.interp(distance, lateral, sine * cosine / rate / lateral)
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def _tabulated_angles(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles between 0 and 90 degrees, and their sines and cosines, read-only."""
     angle = np.linspace(0, np.pi / 2, count + 2)[1:-1]
@@ -61,7 +60,7 @@ def relative_radiance(emitter: Side, cosine: np.ndarray) -> np.ndarray:
     return 0.5 * (1 + (emitter.exponent or 1.0)) * emitter.relative_to_lambert(cosine)
 
 
-@lru_cache(maxsize=4)
+@kept(4)
 def sobol_points(dimensions: int, count: int = POINTS) -> np.ndarray:
     """Points of a Sobol' sequence around 0.
 

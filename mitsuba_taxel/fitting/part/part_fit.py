@@ -9,7 +9,7 @@ not exceed (1 + t^2 / f) times the least one, with Student's t for f degrees of 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -143,7 +143,9 @@ def fit_part(curve: str | Path, part: str | Path, zero: float = 0.0) -> PartFit:
         for u in fitted
         if not u.determined
     ]
-    return PartFit(_with(sheet, unknowns, values), measured, fitted, model, rms, notes)
+    rows = tuple(zip(measured.heights.tolist(), measured.currents.tolist(), strict=True))
+    part_with_curve = replace(_with(sheet, unknowns, values), distance_curve=rows)
+    return PartFit(part_with_curve, measured, fitted, model, rms, notes)
 
 
 def part_unknowns(sheet: Datasheet) -> list[PartUnknown]:

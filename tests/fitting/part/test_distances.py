@@ -48,7 +48,7 @@ def test_columns_may_change_places(tmp_path):
         (None, ((-1.0, 0.1), *ROWS), "line 2: the reflector is -1 mm above the windows"),
         (None, [(z, 0) for z, _ in ROWS], "has no current above 0"),
         (None, [(1.0, i) for _, i in ROWS], "has one distance only"),
-        (None, [(z, "high") for z, _ in ROWS], "line 2, column current .* is not a number"),
+        (None, [(z, "high") for z, _ in ROWS], "line 2, column current .*: 'high' is not allowed: a number"),
         ("distance,current [mA]", ROWS, "exactly one must have a unit of length"),
         ("distance [mm],current [mm]", ROWS, "exactly one must have a unit of length"),
         ("distance [N],current [mA]", ROWS, "exactly one must have a unit of length"),
