@@ -28,6 +28,8 @@ def plot_part_fit(part: Part, model: np.ndarray) -> Figure:
     Figure
         Matplotlib figure.
     """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     ((curve, residual),) = panel_axes(1, 2, size=(4.6, 3.6))
     heights, currents = np.array(part.distance_curve).T
     fine = np.geomspace(heights.min(), heights.max(), 60)
@@ -43,5 +45,8 @@ def plot_part_fit(part: Part, model: np.ndarray) -> Figure:
     residual.set_ylabel("computed - measured [% of the largest]")
     for ax in (curve, residual):
         ax.set_xscale("log")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.set_xlabel(f"height of the {part.distance_reflector} above the windows [mm]")
     return curve.figure
