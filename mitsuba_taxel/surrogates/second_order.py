@@ -78,7 +78,8 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
     best_force = min(forces, key=lambda used: float(np.square(forces[used] - -rows.full_force[:, 2]).mean()))
     vectors = np.stack([0 * rows.force, 0 * rows.force, -forces[best_force]], axis=1)
     force_misses = np.linalg.norm(vectors - rows.full_force, axis=1) / full_scale
-    ratio = (forces[best_force] / rows.force)[:, None]
+    # A touch between the centres of patches has neither force nor moment in the linear model.
+    ratio = np.divide(forces[best_force], rows.force, out=np.zeros_like(rows.force), where=rows.force > 0)[:, None]
     moment_misses = np.linalg.norm((rows.linear.moment * ratio - rows.full_moment)[:, :2], axis=1)
 
     everything = np.ones(len(rows.body), dtype=bool)

@@ -56,6 +56,15 @@ def test_the_stated_error_is_that_of_bodies_left_out():
     assert "target" not in " ".join(contact_notes(model, 0.05, []))
 
 
+def test_a_touch_that_no_patch_sees_counts_as_an_error():
+    """It is shallow, between the centres of patches: the linear model has neither force nor moment for it."""
+    linear = linear_model()
+    solved = made_up(linear, 12, (0.8, 0.0), (0.0, 0.0))
+    unseen = replace(solved[0], touch=replace(solved[0].touch, depth=1e-9), moment=[[3.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
+    errors = with_second_order(linear, [unseen, *solved[1:]]).errors
+    assert errors.moment_rms == pytest.approx(np.sqrt(2 * 9 / 24)) and errors.force_worst > 0.1
+
+
 def test_too_few_bodies_are_refused():
     linear = linear_model()
     with pytest.raises(InputError, match="3 bodies are too few to learn from: at least 4"):
