@@ -24,12 +24,15 @@ _ENDINGS = (".so", ".dylib", ".dll")
 
 
 def put_own_libraries_first(resolver: mi.FileResolver) -> None:
-    """Order the folders of a file resolver: Mitsuba's libraries first, those of :data:`VARIABLE` last.
+    """Set the order of the folders in which Mitsuba searches for the library of a plugin.
+
+    The first is the folder of the package mitsuba, so that no library of a scene replaces one of Mitsuba's. Next are
+    the folders that the resolver has already, such as that of the scene. The last are those of :data:`VARIABLE`.
 
     Parameters
     ----------
     resolver : mi.FileResolver
-        The resolver, which is changed in place.
+        The file resolver, whose folders are put in this order in place.
 
     Raises
     ------

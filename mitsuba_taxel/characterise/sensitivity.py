@@ -24,17 +24,20 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     """Sensitivity: slopes of the readings of a study along one force, with their errors.
 
     All scenes of a study share their random numbers, so slopes are computed for each replicate; their scatter gives the
-    error of the light. Slopes of readings changed by their ``deviation`` give the error of the mechanics, slopes of
-    readings changed by their ``geometry_error`` that of the geometry. Missing readings are left out.
+    error of the light. Two more errors of the readings follow from the variables ``deviation`` (finite elements) and
+    ``geometry_error`` (facets of curved walls) of the study. For each, the readings are raised and lowered by one
+    standard deviation of this error, and the slopes are computed again: their change is added to their error. Missing
+    readings are left out.
 
     Parameters
     ----------
     study : xr.Dataset
         Result of ``sweep``.
     force : str
-        ``fx``, ``fy`` or ``fz``, or the name of a parameter with this role, if it is varied alone: as a dimension of
-        the study, or in the steps of a path. Alternatively, the dimension of a path along which the force changes in
-        one direction; the abscissa is then the component in that direction, such as the resultant of a diagonal load.
+        What the slopes are taken along. Either a component of the force: ``fx``, ``fy`` or ``fz``, or the name of a
+        parameter with this role. It must be varied alone, as a dimension of the study or in the steps of a path. Or the
+        name of the dimension of a path along which the force changes in one direction. The abscissa is then the
+        component of the force in this direction, such as the resultant of a diagonal load.
 
     Returns
     -------

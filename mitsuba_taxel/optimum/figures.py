@@ -165,7 +165,20 @@ def cross_sensitivity(responses: DesignResponses, along: str, by: str) -> np.nda
 
 
 def rest(responses: DesignResponses, along: str) -> np.ndarray:
-    """Reading of each taxel, (T,), at the first load of a line, in W, or in V with a circuit."""
+    """Reading of each taxel at the first load of a line.
+
+    Parameters
+    ----------
+    responses : DesignResponses
+        Responses of a design.
+    along : str
+        Name of the line of loads, a key of ``responses.lines``.
+
+    Returns
+    -------
+    (T,) ndarray
+        Readings of T taxels in W, or in V with a circuit.
+    """
     return responses.readings(along)[0]
 
 

@@ -171,8 +171,10 @@ def _check_figures(optimiser: Optimiser, starts: list[Design]) -> None:
         try:
             components = [criterion.figure.components(read.values) for read in reads]
         except IndexError:
+            count = min(line.power.shape[-1] for read in reads for line in read.values.lines.values())
             raise InputError(
-                f"{criterion.figure.words} cannot be computed: the number of a taxel of the scene is needed."
+                f"{criterion.figure.words} cannot be computed: taxel = {criterion.figure.parameters.get('taxel')} of "
+                f"this figure in the study file is not allowed: the taxels of the scene have the numbers 1 to {count}."
             ) from None
         no_contact = optimiser.designs.no_contact.get(criterion.figure.parameters.get("along", ()))
         if no_contact and criterion.figure.kind == RANGE and not any(values.size for values in components):

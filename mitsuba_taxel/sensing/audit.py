@@ -292,9 +292,23 @@ class _Surfaces:
         return dr.select(step.weight < reflectance, (reflectance - step.weight) / (1 - step.weight), 0)
 
     def sort(self, shares: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-        """Sort the P places where light ends for output, with their fractions (R, P).
+        """Prepare the fractions of the light by the place where it ends for output.
 
-        Light that rounding puts just outside the rim of a phototransistor counts as detected.
+        Light that ends on a package's region ``phototransistor`` missed the phototransistor only by rounding, just
+        outside its rim. It is added to the detected light, and these regions are left out. The shapes that the scene
+        does not list are left out too if no light ends there.
+
+        Parameters
+        ----------
+        shares : (R, P) ndarray
+            Fraction of the emitted power by replicate and place: ``places``, then `ENDS`. It is changed in place.
+
+        Returns
+        -------
+        names : tuple of str
+            Names of the places that remain.
+        shares : (R, names) ndarray
+            Their fractions.
         """
         listed = len(self.places) - 1
         shares[:, listed + 1] += shares[:, self.sensitive].sum(axis=1)

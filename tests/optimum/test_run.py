@@ -254,6 +254,18 @@ def test_how_far_what_is_no_pad_may_be_loaded(tmp_path, goal, said):
     assert str(refused.value) == said
 
 
+def test_a_taxel_that_the_scene_does_not_have(tmp_path):
+    study = PLATE.format(points=64).replace("z = { low = 0.3, high = 1.5, start = 1.2 }", "")
+    constraint = '[[optimise.constraints]]\nfigure = "cross_talk"\ntaxel = 9\nmost = 1.0\n'
+    (tmp_path / "study.toml").write_text(f"{study}[optimise.loads]\nup = {{ z = [1.5, 1.2] }}\n{constraint}")
+    with pytest.raises(InputError) as refused:
+        optimise(tmp_path / "study.toml", tmp_path / "out")
+    assert str(refused.value) == (
+        "cross talk along up cannot be computed: taxel = 9 of this figure in the study file is not allowed: the taxels "
+        "of the scene have the numbers 1 to 1."
+    )
+
+
 @pytest.mark.parametrize(
     ("constraints", "said"),
     [

@@ -11,7 +11,17 @@ from mitsuba_taxel.base.processes.system import peak_memory
 
 
 class TableCase:
-    """An extreme case, measured in a separate process; its result is an instance of ``ROW``."""
+    """A case of a table of extreme cases, such as a load or a circuit at the limit of what is computed.
+
+    Each case is measured in a process of its own, and gives one row of the table.
+
+    Attributes
+    ----------
+    ROW : type
+        Class of the row.
+    name : str
+        Name of the case in the table.
+    """
 
     ROW: ClassVar[type]
     name: str

@@ -19,7 +19,7 @@ from mitsuba_taxel.evidence.measured.pad_comparison import FINER
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
 TIMES = (0.05, 0.5, 5.0)
-"""Relaxation times in s, one per decade of the record; their weights are fitted."""
+"""Relaxation times in s, one per decade of the measured times after release. Their weights are fitted."""
 SETTLED = 0.03
 """Relative change of the weights below which the fit ends."""
 MOST_PATHS = 5
@@ -56,7 +56,7 @@ class MemoryErrors(NamedTuple):
     Attributes
     ----------
     tail : (8,) ndarray
-        Errors of ``PronyFit.tail``, at the eight times of the record.
+        Errors of ``PronyFit.tail``, at the times `measured.TAIL_TIMES` after release.
     hold : (4,) ndarray
         Errors of ``PronyFit.hold``, in the four time windows of the hold.
     held_change : float
@@ -81,13 +81,14 @@ class PronyFit(NamedTuple):
     paths : int
         Number of finite-element load paths that the fit needed.
     tail : (8,) ndarray
-        Change of the reading after release, at the eight times of the record, relative to the change at the end of the
-        hold.
+        Change of the pressed taxel's reading from rest, at the eight times after release at which the voltage was
+        measured (`measured.TAIL_TIMES`), relative to the change at the end of the hold.
     hold : (4,) ndarray
         Mean force in the four time windows of the hold, relative to the last window.
     held_change : float
-        Largest difference, from 0.5 s on, between the change of the reading during the hold and that at its end,
-        relative to the latter.
+        How much the reading still drifts while the pad is held. The change of the pressed taxel's reading from rest is
+        compared with its value at the end of the hold. This is the largest difference from 0.5 s on, divided by the
+        value at the end.
     loop, rubbed : HysteresisLoop
         Hysteresis loops of the slow cycle: with the series, and with friction of the indenter instead of the series.
     stiffer : float
@@ -168,7 +169,7 @@ def slow_term() -> tuple[float, float]:
     """Find an additional relaxation term that would explain the measured loop of the force.
 
     The solid is assumed linear, and its load a triangle in time. The relaxation time in `SLOW` is chosen that leaves
-    the smallest change at the end of the record of the release. The function returns this time in s, and the fraction
+    the smallest change at the last measured time after release. The function returns this time in s, and the fraction
     of the change that remains."""
     end, hold = measured.TAIL_TIMES[-1], measured.HOLD_WINDOWS[-1][-1]
     remaining = []
@@ -204,7 +205,7 @@ def _loop_per_share(time: float) -> tuple[float, float]:
 
 
 def measured_tail() -> np.ndarray:
-    """Measured changes of the voltage after release at the eight times of the record, (8,), relative to the change
+    """Measured changes of the voltage at the times `measured.TAIL_TIMES` after release, (8,), relative to the change
     during the hold."""
     return np.array(measured.TAIL_VOLTS) / (measured.HELD_SHARE * measured.PRESSES[measured.PRESSED].at_rest)
 
@@ -233,19 +234,31 @@ def fit(computed: Callable[[Prony], np.ndarray]) -> tuple[Prony, int]:
 
 
 def linear_tail(shares: np.ndarray) -> np.ndarray:
-    """Strain of a linear solid after a long hold and a release of the stress, at the eight times of the record, (8,),
-    relative to the strain during the hold.
+    """Strain of a linear solid whose stress is released after a long hold, relative to the strain during the hold.
 
-    For each Prony term with weight g and relaxation time tau, p is g times the difference between the strain of the
-    term's spring and the strain of the solid. The strain of the solid is the negative sum of all p, and dp/dt = -(p + g
-    strain) / tau, with p = -g at the end of the hold.
+    Each Prony term is a spring in series with a dashpot. All terms act in parallel, with one more spring. The stiffness
+    of a term's spring, relative to that of all springs together, is its weight g. Its relaxation time is tau.
+
+    Let p be g times the strain of the term's dashpot. Without stress, the strain of the solid is the sum of all p. Each
+    p follows dp/dt = (g strain - p) / tau. At the end of the long hold, each dashpot has the strain of the solid, so
+    p = g.
+
+    Parameters
+    ----------
+    shares : (k,) ndarray
+        Weight g of each term. The relaxation times are those in `TIMES`.
+
+    Returns
+    -------
+    (8,) ndarray
+        Strains at the times `measured.TAIL_TIMES` after release.
     """
     rates = -(np.eye(len(shares)) - shares[:, None]) / np.array(TIMES)[:, None]
     return np.array([(expm(rates * time) @ shares).sum() for time in measured.TAIL_TIMES])
 
 
 def tail_of(study: xr.Dataset) -> np.ndarray:
-    """Computed changes of the reading after release at the eight times of the record, (8,), relative to the change at
+    """Computed changes of the reading at the times `measured.TAIL_TIMES` after release, (8,), relative to the change at
     the end of the hold."""
     change = study.change.sel(taxel=measured.PRESSED).values
     return change[-len(measured.TAIL_TIMES) :] / change[len(HOLD_TIMES)]

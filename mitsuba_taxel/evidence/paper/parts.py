@@ -84,14 +84,14 @@ def chosen(only: str | None) -> list[str]:
 def compute(
     folder: Path, names: Sequence[str], workers: int | None, announce: Callable[[str], None]
 ) -> dict[str, float]:
-    """Compute the missing studies of some parts, and store them in a folder.
+    """Compute the missing studies of the chosen sections of the rerun of the paper, and store them in a folder.
 
     Parameters
     ----------
     folder : Path
-        Folder of the rerun.
+        Folder with the studies of the rerun of the paper.
     names : sequence of str
-        Names of the parts.
+        Names of the sections, such as ``fig4``: keys of `PARTS`.
     workers : int or None
         Number of worker processes. Each computes one cell shape at a time.
     announce : Callable[[str], None]

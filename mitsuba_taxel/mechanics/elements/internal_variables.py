@@ -219,8 +219,23 @@ class InternalVariables:
         return (self.rate - before.rate) / (0.5 * (self.step + before.step))
 
     def linear_step_error(self, material: Viscoelastic, curvature: np.ndarray) -> np.ndarray:
-        """Error (k, m, q, 6) in MPa of the terms by the last step, in which S was linear in time, from the second time
-        derivative of S (m, q, 6)."""
+        """Error of the stresses of the viscoelastic terms by the last step.
+
+        S is the stress of the instantaneous law. The step assumed that S is linear in time. The error is proportional
+        to the second time derivative of S.
+
+        Parameters
+        ----------
+        material : Viscoelastic
+            The silicone, with k terms of its Prony series.
+        curvature : (m, q, 6) ndarray
+            Second time derivative of S in MPa/s², at the q quadrature points of each of m elements.
+
+        Returns
+        -------
+        (k, m, q, 6) ndarray
+            Error of the stress of each term, MPa.
+        """
         return _scaled(material.shares * material.over(self.step).curvature * self.step**2, curvature)
 
     def parabolic_step_error(self, material: Viscoelastic, growth: Growth, cubic: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ class Configuration:
     residual : ndarray
         Out-of-balance forces [N] and volumes [mm³] over the unknowns.
     load : ndarray
-        Contribution of the load.
+        Contribution of the load to the residual, over the unknowns: it is subtracted from the internal forces.
     entries : ndarray or None
         Entries of the derivative of the residual, for `Assembly.matrix`; None if not requested, or an element is
         inverted.

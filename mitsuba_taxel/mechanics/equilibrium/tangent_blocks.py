@@ -206,21 +206,22 @@ class TangentBlock:
 
 
 def reflection(mirror: Mirror, image: np.ndarray, corners: int) -> sparse.csr_array:
-    """The matrix that maps displacements and pressures to their mirror image.
+    """Matrix of the mirror image of a state: of the displacements of N nodes, and of the pressures at corner nodes.
 
     Parameters
     ----------
     mirror : Mirror
         A plane of symmetry.
     image : (N,) ndarray of int
-        Mirror image of each node.
+        For each node, the number of the node that is its mirror image.
     corners : int
-        Number of corners.
+        Number of corner nodes of the mesh, each of which has a pressure. They are the first of the N nodes.
 
     Returns
     -------
     (3 N + corners, 3 N + corners) csr_array
-        Displacement and pressure of the mirrored state.
+        Matrix that multiplies the displacements (3 for each node) and then the pressures of a state, as one vector. The
+        product is the vector of the mirror image of the state.
     """
     turned = mirror.image(np.eye(3))
     columns = np.concatenate(

@@ -98,8 +98,9 @@ class RowSteps:
     def run(self, touch: Touch) -> StepState:
         """The state at the end of the interval between two rows, in as many time steps as the error requires.
 
-        If stress is linear in time within steps, the error of the first step after a change of the load's rate is
-        estimated together with that of the second step, and both are repeated if it is too large.
+        Where the stress is taken as linear in time within each step, the error of a step follows from two steps. So the
+        error of the first step after a change of the load's rate is known only after the second step. If the error of
+        either step is too large, both steps are repeated.
 
         Parameters
         ----------

@@ -65,14 +65,16 @@ class TimedStates:
     Parameters
     ----------
     path : PadPath
-        Path of the same elastic pad, for its mesh and the comparison with another mesh.
+        Load path of the same pad with the elastic law. It gives the mesh and the load, the mirror images of the nodes,
+        and the bodies that the pad may touch.
     material : Viscoelastic
         The silicone.
     coarsening : int
         Length of steps under friction and with Mullins' effect, relative to the steps of the path: 1 or 2. See
         :class:`RowSteps`.
     fraction : float
-        Reach of the barriers, relative to the default; see :class:`SelfTouchingPad`.
+        Largest distance at which two walls of a pad repel each other (the reach of their barrier), relative to the
+        default; see :class:`SelfTouchingPad`.
     """
 
     def __init__(self, path: PadPath, material: Viscoelastic, coarsening: int = 1, fraction: float = 1.0) -> None:

@@ -177,7 +177,8 @@ class RandomRoughness(Checked):
         if self.refinement < LEAST_EDGES:
             raise InputError(
                 f"finish_refinement = {self.refinement:g} is not allowed: random heights need at least {LEAST_EDGES:g} "
-                "triangle edges per correlation_length, or the triangles do not resolve them."
+                "triangle edges per correlation_length, and this parameter is that number; a larger finish_refinement "
+                "is needed."
             )
 
     @property

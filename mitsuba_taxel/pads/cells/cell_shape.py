@@ -417,7 +417,10 @@ class CellShape(Kind, family="cell"):
         InputError
             if the shape has no equivalent profile.
         """
-        raise InputError(f"cell = {self.name!r} is not allowed: a cell that can be written as a profile is needed.")
+        raise InputError(
+            f"cell = {self.name!r} is not allowed: it cannot be written as a profile; parallelepiped, cylindrical, "
+            "spherical, hemispheric, frustum or profile is needed."
+        )
 
     @abstractmethod
     def outline(self) -> np.ndarray:

@@ -49,7 +49,7 @@ def geometry_share(facets: np.ndarray, power: np.ndarray) -> float:
     Parameters
     ----------
     facets : (T,) ndarray
-        Change of readings with inscribed triangles, whose corners lie on the walls, W, for each of T taxels.
+        Change in W of the reading of each of T taxels when walls are replaced by triangles whose corners lie on them.
     power : (T,) ndarray
         Readings, W.
 

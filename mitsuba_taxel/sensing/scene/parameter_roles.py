@@ -37,8 +37,8 @@ def roles_of_parameters(scene: Path) -> dict[str, tuple[str, int]]:
         Role and sign, by name of the scene's parameter. The sign is -1 for a parameter that is used as ``-$name``, else
         1. The role is the name of a plugin's parameter, such as ``pressure`` or ``indenter_x``; for a component of a
         vector, the name is followed by ``_x``, ``_y`` or ``_z``, as in ``translate_x``; for the load of a
-        `deformable_pad`, the role is ``fx``, ``fy``, ``fz``, ``ux``, ``uy`` or ``uz``. Parameters with different uses,
-        and roles of several parameters, are left out.
+        `deformable_pad`, the role is ``fx``, ``fy``, ``fz``, ``ux``, ``uy`` or ``uz``. A parameter that is used in
+        different ways is left out. So are parameters that share one role.
     """
     uses_of: dict[str, set[tuple[str, int] | None]] = {}
     for role, word in _uses(scene):

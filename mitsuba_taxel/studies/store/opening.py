@@ -157,7 +157,7 @@ def read_results(folder: Path) -> dict[str, Any]:
             check_request(study.get("target_error"), study.get("points"), study["seed"], study.get("time_budget"))
             check_target_slope(study.get("target_slope"))
         except InputError as error:
-            raise InputError(f"study {folder} is damaged: {error}") from error
+            raise InputError(f"study {folder} is damaged, so compute it again into a new folder: {error}") from error
     return study
 
 
