@@ -126,9 +126,7 @@ def timed_rows(
     """
     if not isinstance(material, Viscoelastic):
         if times is not None:
-            raise refusal(
-                "times", times, f"{material} has no times, so none are allowed: only a Viscoelastic needs them"
-            )
+            raise refusal("times", times, f"{material} does not depend on time, only a Viscoelastic does")
         softens = isinstance(material, Mullins)
         if not (rubs(load) or softens):
             return LoadHistory()

@@ -173,7 +173,7 @@ def test_another_law_softens_by_the_same_formula():
 
 def test_what_is_not_modelled_is_refused_in_one_line():
     rows = [(0, 0, -0.1)]
-    with pytest.raises(InputError, match="has no times, so none are allowed: only a Viscoelastic needs them"):
+    with pytest.raises(InputError, match="does not depend on time, only a Viscoelastic does"):
         load_path(PAD, SOFT, rows, times=[1.0], load=PLATE, mesh_size=SIZE)
     with pytest.raises(InputError, match="'plate_wrench' is not allowed with Mullins' effect"):
         load_path(PAD, SOFT, [(0, 0, -0.1, 0, 0, 0)], load=PlateWrench(), mesh_size=SIZE)
