@@ -417,9 +417,10 @@ class CellShape(Kind, family="cell"):
         InputError
             if the shape has no equivalent profile.
         """
+        names = [name for name, kind in CellShape.kinds().items() if kind.as_profile is not CellShape.as_profile]
         raise InputError(
-            f"cell = {self.name!r} is not allowed: it cannot be written as a profile; parallelepiped, cylindrical, "
-            "spherical, hemispheric, frustum or profile is needed."
+            f"cell = {self.name!r} is not allowed: it cannot be written as a profile; one of {', '.join(names)} is "
+            "needed."
         )
 
     @abstractmethod
