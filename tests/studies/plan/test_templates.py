@@ -169,7 +169,7 @@ def test_the_steps_are_a_path_of_forces(template):
 
 def test_the_part_states_what_may_be_stated_and_can_be_used(template):
     stated = tomllib.loads(template["part"].read_text(encoding="utf-8"))
-    assert {field.name for field in fields(Part)} - set(stated) == {"name", "distance_curve"}
+    assert {field.name for field in fields(Part)} - set(stated) == {"name", "distance_curve", "stated"}
     assert {field.name for field in fields(Side)} - set(stated["emitter"]) == {"exponent"}
     assert PhotoReflector(part=str(template["part"])).package.body == tuple(stated["body"])
 
