@@ -21,7 +21,7 @@ TOGETHER = {
     "docs": {"docstrings", "pages"},
     "mechanics": {
         "benchmarks_of_the_literature", "block", "closed_forms", "contact_with_packages", "energy",
-        "shape_sensitivities", "touching_under_indenters", "wrench",
+        "shape_sensitivities", "softened_path", "touching_under_indenters", "wrench",
     },
     "optimum": {"thin_roof"},
     "pads": {"blunt_edges", "file_meshing"},
