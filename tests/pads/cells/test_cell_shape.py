@@ -115,6 +115,6 @@ def test_a_shape_of_the_user_meshes_and_is_a_cell_of_scenes(paraboloid):
     velocity, other = mesh_velocity(pad, mesh, "crown"), pad.changed(crown=1.81)
     rate = (curved_volume(replace(mesh, points=mesh.points + 0.01 * velocity)) - curved_volume(mesh)) / 0.01
     assert rate == pytest.approx(-0.5 * np.pi * 1.275**2, rel=0.01) and other.top_of_cell == 1.81
-    with pytest.raises(InputError, match="cell = 'test_paraboloid' is not allowed: a cell that can be written as"):
+    with pytest.raises(InputError, match="cell = 'test_paraboloid' is not allowed: it cannot be written as a profile"):
         pad.as_profile()
     assert DeformablePad(cell="test_paraboloid", rows=1, columns=1, crown=1.8).build_pad() == pad

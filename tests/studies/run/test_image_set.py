@@ -7,9 +7,9 @@ import pandas
 import pytest
 import xarray as xr
 from click.testing import CliRunner
+from taxel_cli.results.dataset import command
 
 from mitsuba_taxel import InputError, sweep
-from mitsuba_taxel.cli.results.dataset import command
 from mitsuba_taxel.sensing.image_file import read_image
 from mitsuba_taxel.studies.run.image_set import image_set
 
