@@ -86,6 +86,8 @@ def contact_model(
     grid, weights = top_grid(state.mesh, spacing)
     light = WallGradient(cells, state)
     light.refuse_occluded()
+    if dark := np.flatnonzero(light.power <= 0).tolist():
+        raise InputError(f"taxel {dark[0] + 1} receives no light at rest, so that its reading has no relative change.")
 
     # One back-solve for each patch gives its column of the compliance, and its part of the gradient.
     compliance, gradient = [], []

@@ -55,11 +55,13 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
     Raises
     ------
     InputError
-        if there are fewer than `FEWEST` bodies.
+        if there are fewer than `FEWEST` bodies, or no patch sees any of them.
     """
     if len(solved) < FEWEST:
         raise InputError(f"{len(solved)} bodies are too few to learn from: at least {FEWEST} are needed.")
     rows = _rows(replace(model, second=None), solved)
+    if not rows.force.any():
+        raise InputError("no patch of the top sees any of the bodies: a smaller spacing of the patches is needed.")
     scale = np.abs(rows.full_change).max(axis=0)
     full_scale = float(np.abs(rows.full_force[:, 2]).max())
 
@@ -94,7 +96,8 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
         moment_rms=float(np.sqrt(np.square(moment_misses).mean())),
         force_full_scale=full_scale,
     )
-    places = np.array([rows.linear.centre.min(axis=0), rows.linear.centre.max(axis=0)])
+    # Touches that no patch sees have no centre.
+    places = np.array([np.nanmin(rows.linear.centre, axis=0), np.nanmax(rows.linear.centre, axis=0)])
     return replace(model, second=second, errors=errors, places=places)
 
 

@@ -61,12 +61,17 @@ def test_a_touch_that_no_patch_sees_counts_as_an_error():
     linear = linear_model()
     solved = made_up(linear, 12, (0.8, 0.0), (0.0, 0.0))
     unseen = replace(solved[0], touch=replace(solved[0].touch, depth=1e-9), moment=[[3.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
-    errors = with_second_order(linear, [unseen, *solved[1:]]).errors
+    model = with_second_order(linear, [unseen, *solved[1:]])
+    errors = model.errors
+    assert np.isfinite(model.places).all() and (model.places[0] < model.places[1]).all()
     assert errors.moment_rms == pytest.approx(np.sqrt(2 * 9 / 24)) and errors.force_worst > 0.1
 
 
 def test_too_few_bodies_are_refused():
     linear = linear_model()
+    solved = made_up(linear, 4, (0.8, 0.0), (0.0, 0.0))
+    with pytest.raises(InputError, match="no patch of the top sees any of the bodies: a smaller spacing"):
+        with_second_order(linear, [replace(one, touch=replace(one.touch, depth=-1e-3)) for one in solved])
     with pytest.raises(InputError, match="3 bodies are too few to learn from: at least 4"):
         with_second_order(linear, made_up(linear, 3, (0.8, 0.0), (0.0, 0.0)))
 
