@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -120,14 +121,8 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
     InputError
         if the file cannot be read, or is no image of a camera.
     """
-    import OpenEXR
-
-    if not is_file(Path(file)):  # OpenEXR would print a line of its own
-        raise InputError(f"{file} {NO_IMAGE}")
-    try:
-        with OpenEXR.File(str(file), separate_channels=True) as exr:
-            header = dict(exr.header())  # it is emptied at the end
-            channels = {name: channel.pixels for name, channel in exr.channels().items()}
+    with _opened(file, separate_channels=True) as (header, exr):
+        channels = {name: channel.pixels for name, channel in exr.channels().items()}
         about = json.loads(header[ABOUT])
         names = "RGB" if "R" in channels else "Y"
         changes: dict[str, Any] = {
@@ -148,8 +143,6 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
             seconds=float(about.pop("seconds")),
             **changes,
         )
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
-        raise InputError(f"{file} {NO_IMAGE}") from error
     return image, about
 
 
@@ -171,15 +164,21 @@ def read_image_facts(file: str | os.PathLike[str]) -> dict[str, Any]:
     InputError
         if the file cannot be read, or is no image of a camera.
     """
+    with _opened(file, header_only=True) as (header, _):
+        return {**json.loads(header[ABOUT]), "samples": int(header["samples"])}
+
+
+@contextmanager
+def _opened(file: str | os.PathLike[str], **how: bool) -> Iterator[tuple[dict[str, Any], Any]]:
+    """Open an OpenEXR file for reading: its header and the file. Errors while it is read are an `InputError`."""
     import OpenEXR
 
     if not is_file(Path(file)):  # OpenEXR would print a line of its own
         raise InputError(f"{file} {NO_IMAGE}")
     try:
-        with OpenEXR.File(str(file), header_only=True) as exr:
-            header = dict(exr.header())  # it is emptied at the end
-        return {**json.loads(header[ABOUT]), "samples": int(header["samples"])}
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        with OpenEXR.File(str(file), **how) as exr:
+            yield dict(exr.header()), exr
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError) as error:
         raise InputError(f"{file} {NO_IMAGE}") from error
 
 
