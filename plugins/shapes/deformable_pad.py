@@ -121,7 +121,9 @@ class DeformablePad(mi.Mesh):
             props[name] = make_plugin("region", **dict.fromkeys(REGIONS, walls[0]))
         # Light passes through a null wall of a block, but rays to a light would end there: it gets no triangles.
         self.clear = clear_regions(walls) if isinstance(self.pad, Block) else []
-        self.mirrors = [code for wall in walls for code in mirrors(wall)]
+        self.mirrors = [code for wall in walls for code in mirrors(wall) if code not in self.clear]
+        # A camera sees single triangles of the coat, which would look like facets.
+        self.smooth = sorted({*self.mirrors, REGIONS["top"]}) if isinstance(self.pad, Block) else self.mirrors
         check_mirrors(self.pad, self.mirrors, self.subdivision)
 
         # Elements and triangles of loaded cells are chosen by the light unless a mesh size is set.
@@ -175,14 +177,15 @@ class DeformablePad(mi.Mesh):
     def _places(self, surface: Surface, vertices: np.ndarray) -> Places:
         """Vertices and normals of the mesh.
 
-        With mirrors, triangles do not share vertices, and triangles of mirrors have the normals of the curved walls.
+        With mirrors or a coat, triangles do not share vertices, and those of mirrors and coat have the normals of the
+        curved walls.
         """
         positions, region = _placed(vertices, self.to_world), self.changing_region(surface)
-        if not self.mirrors:
+        if not self.smooth:
             return Places(positions, None, region)
         corners = positions[surface.triangles]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, None].repeat(3, axis=1)
-        smooth = np.isin(surface.region, self.mirrors)
+        smooth = np.isin(surface.region, self.smooth)
         normals[smooth] = np.einsum("tki,ji->tkj", surface.normals[smooth], self.to_world[:3, :3])
         normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), np.finfo(np.float32).tiny)
         return Places(corners.reshape(-1, 3), normals.reshape(-1, 3), region)
@@ -286,10 +289,10 @@ class DeformablePad(mi.Mesh):
         return None if blunt is None else self._kept_in_contact(self._tessellated(self.state, self.pad, blunt))
 
     def closed(self) -> mi.Mesh:
-        """The surface as a closed mesh whose triangles share vertices; for mirrors, the surface in use may have
-        separate vertices.
+        """The surface as a closed mesh whose triangles share vertices; for mirrors and coats, the surface in use may
+        have separate vertices.
         """
-        if not self.mirrors:
+        if not self.smooth:
             return self
         mesh = mi.Mesh(self.id(), len(self.surface.vertices), len(self.surface.triangles))
         give_geometry(mesh, Places(_placed(self.surface.facing, self.to_world), None), self.surface.triangles)
