@@ -56,7 +56,7 @@ def answer_of(
     if done.returncode == 0:
         return done.stdout
     failed = NoAnswer("error", done.stderr.decode(errors="replace"))
-    if any(word in failed.last for word in ("MemoryError", "bad_alloc", "memory allocation")):
+    if any(word in failed.last.lower() for word in ("memoryerror", "bad_alloc", "memory allocation")):
         failed.end = "memory"
     elif done.returncode < 0:
         failed.end = signal.Signals(-done.returncode).name
