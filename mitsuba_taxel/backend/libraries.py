@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable
-from itertools import chain
 from pathlib import Path
 
 import mitsuba as mi
@@ -64,18 +63,19 @@ def check_plugin_types(types: Iterable[str]) -> None:
         if a name has characters other than letters, digits and ``_``, or if Mitsuba would load a library from a folder
         of the scene or the working directory.
     """
-    # Most types of a scene are plugins of ours, without a library anywhere, so folders are resolved once for all types.
+    # Most folders hold no plugins. Those that do are resolved once for all types.
+    holding = [folder for folder in (*map(str, mi.file_resolver()), ".") if os.path.lexists(f"{folder}/plugins")]
     mitsuba_folder, *others = dict.fromkeys(folder.resolve() for folder in (_mitsuba_folder(), *_trusted_folders()))
-    searched = dict.fromkeys(Path(str(folder)).resolve() for folder in (*mi.file_resolver(), "."))
+    searched = dict.fromkeys(Path(folder).resolve() for folder in holding)
     untrusted = [folder for folder in searched if folder != mitsuba_folder and folder not in others]
     for name in dict.fromkeys(types):
         if not re.fullmatch(r"\w+", name, re.ASCII):
             raise InputError(
                 f"type = {name!r} is not allowed: the name of a plugin, of letters, digits and _, is needed."
             )
-        if _libraries(mitsuba_folder, name):
-            continue
-        for library in chain.from_iterable(_libraries(folder, name) for folder in untrusted):
+        libraries = [library for folder in untrusted for library in _libraries(folder, name)]
+        if libraries and not _libraries(mitsuba_folder, name):
+            library = libraries[0]
             raise InputError(
                 f"type = {name!r} is not allowed: {library} is a library, which a scene must not contain; if you trust "
                 f"it, set {VARIABLE}={library.parents[1]}."

@@ -21,6 +21,25 @@ LAST = 1000
 """Rank of kinds without a rank: they are last in lists."""
 
 
+class _Registry(dict[str, tuple[int, type[Any]]]):
+    """The kinds of a family with their ranks, by name; changes of all registries are counted."""
+
+    changes: ClassVar[int] = 0
+
+    def __setitem__(self, name: str, entry: tuple[int, type[Any]]) -> None:
+        super().__setitem__(name, entry)
+        _Registry.changes += 1
+
+    def __delitem__(self, name: str) -> None:
+        super().__delitem__(name)
+        _Registry.changes += 1
+
+
+def changes_of_kinds() -> int:
+    """Number of changes of all families so far; while it stays the same, so do their kinds."""
+    return _Registry.changes
+
+
 class Kind:
     """Base of families of kinds.
 
@@ -63,14 +82,14 @@ class Kind:
     uses: ClassVar[tuple[str, ...]] = ()
     prefix: ClassVar[str] = ""
 
-    _registry: ClassVar[dict[str, tuple[int, type[Any]]]]
+    _registry: ClassVar[_Registry]
 
     def __init_subclass__(cls, /, family: str = "", name: str = "", rank: int = LAST, **others: Any) -> None:
         super().__init_subclass__(**others)
         # As in ABCMeta, a class with abstract methods cannot be instantiated; ABCMeta of Python 3.10 refuses ``name=``.
         cls.__abstractmethods__ = frozenset(_abstract_methods(cls))  # type: ignore[attr-defined]
         if family:
-            cls.family, cls._registry = family, {}
+            cls.family, cls._registry = family, _Registry()
         if not name:
             return
         if missing := _missing_members(cls):

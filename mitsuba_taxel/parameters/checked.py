@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from mitsuba_taxel.base.annotations import annotations_of
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.kinds import changes_of_kinds
 from mitsuba_taxel.parameters.parameter import REQUIRED, Choice, Nested, Number, Parameter, named
 
 
@@ -121,6 +122,12 @@ def parameters_of(cls: Any) -> Mapping[str, Parameter]:
     Mapping[str, Parameter]
         Parameters by attribute; fields in their order, then parameters of kinds.
     """
+    return _current_parameters(cls, changes_of_kinds())
+
+
+@kept(1024)
+def _current_parameters(cls: Any, _: int) -> Mapping[str, Parameter]:
+    """Result of `parameters_of`, which is needed often: it is found by the number of changes of all kinds."""
     return _all_parameters(cls, _chosen(cls))
 
 
@@ -157,6 +164,12 @@ def _kind_parameters(cls: Any) -> dict[str, Parameter]:
     A parameter that several kinds have in common applies to all these kinds. If its range differs between kinds, no
     range is checked here: each kind checks its range.
     """
+    return _current_kind_parameters(cls, changes_of_kinds())
+
+
+@kept(1024)
+def _current_kind_parameters(cls: Any, _: int) -> dict[str, Parameter]:
+    """Result of `_kind_parameters` by the number of changes of all kinds, as for `_current_parameters`."""
     return _merged(cls, _chosen(cls))
 
 
