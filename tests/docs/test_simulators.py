@@ -1,60 +1,102 @@
-"""What the page on simulators shows works as it stands there: a bare Python, and MuJoCo."""
+"""Examples of the page on simulators, in MuJoCo: depth, slip and contacts of balls are those of geometry."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
+from made_up_contact import linear_model
 
-from mitsuba_taxel.surrogates import export
+from mitsuba_taxel.surrogates import write_contact_model
 
+mujoco = pytest.importorskip("mujoco")
 pytestmark = pytest.mark.quick
 
 PAGE = Path(__file__).parents[2] / "docs/howto/simulators.md"
-PRESS = """
+BLOCK = re.compile(r"^:caption: (\S+)\n\n(.+?)\n```$", re.MULTILINE | re.DOTALL)
+HAND = """
 <mujoco>
+  <option gravity="0 0 0"/>
   <worldbody>
-    <body name="pad">
-      <joint name="along" type="slide" axis="1 0 0"/>
-      <geom type="box" size=".01 .01 .01" mass="1"/>
-      <site name="board"/>
+    <body name="pad" pos="0.1 0.2 0.3" euler="20 50 70">
+      <geom type="box" size=".0022 .0022 .0015" pos="0 0 .0015"/>
     </body>
+    <body name="ball"><freejoint/><geom type="sphere" size="{radius}" mass="1"/></body>
   </worldbody>
-  <sensor>
-    <force name="pad_force" site="board"/>
-    <user name="pad_light" dim="9" needstage="acc" datatype="real"/>
-  </sensor>
 </mujoco>
 """
-"""A body of 1 kg that slides freely along x: its own weight of 9.81 N is what the force sensor reads along z."""
 
 
-def test_the_page_fills_a_sensor_of_mujoco(tmp_path, monkeypatch):
-    pytest.importorskip("onnxruntime")
-    mujoco = pytest.importorskip("mujoco")
-    fx, fz = np.linspace(-2, 2, 5), np.linspace(0, 12, 4)
-    power = 4e-3 * (1 + 0.01 * (fx[:, None, None] + np.arange(9) * fz[:, None]))
-    coords = {"fx": ("fx", fx, {"units": "N"}), "fz": ("fz", fz, {"units": "N"}), "taxel": range(1, 10)}
-    about = dict.fromkeys(("scene", "parameters", "seed", "points", "versions"), "")
-    data = {"power": (("fx", "fz", "taxel"), power), "total_error": (("fx", "fz", "taxel"), 1e-3 * power)}
-    study = xr.Dataset(data, coords, {"curve": "fz", **about})
+@pytest.fixture
+def page(tmp_path, monkeypatch):
+    """Names of the page after its blocks with captions are run up to those for MuJoCo."""
     monkeypatch.chdir(tmp_path)
-    export(study, "model.onnx")
-    model = mujoco.MjModel.from_xml_string(PRESS)  # before the callback, which the page advises
+    write_contact_model(replace(linear_model(), places=np.array([[-1.0, -1.0], [1.0, 1.0]])), "contact.npz")
     names: dict = {}
-    for block in re.findall(r"^```python\n(.+?)\n```$", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
-        exec(block, names)
-    assert names["readings"].shape == (1, 9) and not names["inside"][0]  # -3 N pulls at this one
-    try:
-        data = mujoco.MjData(model)
-        mujoco.mj_forward(model, data)
-        expected = 4e-3 * (1 + 0.01 * np.arange(9) * abs(data.sensor("pad_force").data[2]))
-        np.testing.assert_allclose(data.sensor("pad_light").data, expected, rtol=1e-6)
-        model.opt.gravity[2] = -20  # more than the study covers
-        mujoco.mj_forward(model, data)
-        assert np.isnan(data.sensor("pad_light").data).all()
-    finally:
-        mujoco.set_mjcb_sensor(None)
+    blocks = dict(BLOCK.findall(PAGE.read_text(encoding="utf-8")))
+    for caption in ("depth_maps.py", "tactile.py", "contacts.py"):
+        exec(blocks[caption], names)
+    return names
+
+
+def state(page, radius, place, depth, speed):
+    """A ball in mm and mm/s, in the frame of a pad that is turned in space: model, data, and exact depth."""
+    spec = mujoco.MjSpec.from_string(HAND.format(radius=1e-3 * radius))
+    if int(mujoco.__version__.split(".")[0]) >= 4:
+        page["add_touch"](spec, "pad")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    frame, pad = data.body("pad"), page["pad"]
+    axes = frame.xmat.reshape(3, 3)
+    data.qpos[:3] = frame.xpos + 1e-3 * axes @ [*place, pad.height + radius - depth]
+    data.qvel[:3] = 1e-3 * axes @ speed
+    mujoco.mj_forward(model, data)
+    squares = ((pad.points[..., :2] - place) ** 2).sum(axis=-1)
+    return model, data, np.where(squares < radius**2, np.sqrt(np.maximum(radius**2 - squares, 0)) - radius + depth, -1)
+
+
+BALLS = [(4.0, (0.5, -0.3), 0.3, (40.0, -70.0, 20.0)), (2.0, (-0.4, 0.6), 0.2, (-5.0, 0.0, 0.0))]
+
+
+@pytest.mark.skipif(int(mujoco.__version__.split(".")[0]) < 4, reason="the tactile sensor of older versions differs")
+@pytest.mark.parametrize("ball", BALLS)
+def test_the_tactile_sensor_has_the_depth_and_the_slip_of_a_ball(page, ball):
+    radius, place, depth, speed = ball
+    _, data, exact = state(page, *ball)
+    maps, slip = page["touch"](data, "pad")
+    below = maps > 0
+    assert below.sum() > 5 and not (below & (exact <= 0)).any()
+    squares = ((page["pad"].points[..., :2] - place) ** 2).sum(axis=-1)[below]
+    shortest = 1e3 * data.sensor("pad").data[: maps.size].reshape(maps.shape)[below]
+    np.testing.assert_allclose(shortest, radius - np.sqrt(squares + (radius - depth) ** 2), atol=1e-6)
+    assert (slip[:, ~below] == 0).all()
+    np.testing.assert_allclose(slip[:, below].T, np.tile(np.abs(speed[:2]), (below.sum(), 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize("radius", [2.0, 4.0])
+def test_depth_along_the_normal_has_the_force_of_the_exact_map(page, radius):
+    pad = page["pad"]
+    squares = ((pad.points[..., :2] - [0.3, -0.2]) ** 2).sum(axis=-1)
+    exact = np.sqrt(np.maximum(radius**2 - squares, 0)) - radius + 0.4
+    shortest = np.maximum(radius - np.sqrt(squares + (radius - 0.4) ** 2), 0)
+    force, raw, mended = (pad(m).force[0, 2] for m in (exact, shortest, page["along_normal"](shortest)))
+    off, left = {2.0: (0.057, 0.005), 4.0: (0.03, 0.002)}[radius]  # figures of the page
+    assert raw / force - 1 == pytest.approx(-off, abs=0.001)
+    assert abs(mended / force - 1) < left
+
+
+@pytest.mark.parametrize("ball", BALLS)
+def test_contacts_of_a_ball_give_its_depth(page, ball):
+    model, data, exact = state(page, *ball)
+    assert data.ncon == 1
+    maps = page["contact_depth"](model, data, "pad", ball[0])
+    np.testing.assert_allclose(maps[exact > 0], exact[exact > 0], atol=1e-6)
+    assert (maps[exact <= 0] <= 0).all()
+    np.testing.assert_allclose(page["pad"](maps).power, page["pad"](exact).power, rtol=1e-6)
+    data.qpos[2] += 0.1
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 0 and (page["contact_depth"](model, data, "pad", ball[0]) < 0).all()
