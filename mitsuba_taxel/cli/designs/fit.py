@@ -64,8 +64,8 @@ def _fit_part(curve: Path, part: str, zero: float, folder: Path, as_json: bool) 
 
     from ..tables import print_json, print_table, say
 
-    make_folder(folder)
     fit = fit_part(curve, part, zero)
+    make_folder(folder)
     write_part(fit, folder / "part.toml")
     save_figure(plot_part_fit(fit.part, fit.model), folder, "part")
     worst = float(abs(fit.model - fit.curve.currents).max())

@@ -65,6 +65,7 @@ def first_loading(store: PaperStudies, press: IndenterPress, late: float) -> xr.
 
 def _computed(press: IndenterPress, travels: tuple[float, ...]) -> xr.Dataset:
     from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean, linearise, load_path
+    from mitsuba_taxel.mechanics.elements.elements import Elements
     from mitsuba_taxel.mechanics.materials.viscoelastic import tensors
     from mitsuba_taxel.mechanics.results.contact_pressure import indentation_of
     from mitsuba_taxel.pads import Pad
@@ -76,23 +77,21 @@ def _computed(press: IndenterPress, travels: tuple[float, ...]) -> xr.Dataset:
     rows = []
     for travel in travels:
         (state,) = load_path(pad, NeoHookean(1.0), [(0, 0, -travel)], load=load, mesh_size=MESH_SIZE)
-        linear = linearise(state)
-        part, (tangent,) = linear._pad, linear._tangents.values()
-        points, elements = part.part.mesh.points, part.model.assembly.elements
+        linear, elements = linearise(state), Elements(state.mesh, state.material)
+        points, displacement = state.mesh.points, linear.displacement
         inside = (np.abs(points[:, :2]) < measured.CORE / 2 + 1e-6).all(axis=1)
         roof = np.flatnonzero(inside & (np.abs(points[:, 2] - free) < 1e-6))
 
-        # The adjoint of the mean displacement of the roof, whose product with the forces of a stress is its response.
-        functional = np.zeros_like(points)
-        functional[roof, 2] = -1 / len(roof)
-        adjoint = part.numbering.split(tangent.step(part.numbering.summed(functional)))[0]
-        displacement = part.numbering.split(part.gather(linear.displacement, linear.pressure))[0]
+        # The tangent is symmetric: the work of the forces of a stress along the displacements by a unit force on the
+        # roof is the displacement of the roof by these forces.
+        unit = np.zeros_like(points)
+        unit[roof, 2] = -1 / len(roof)
+        along = elements.gradient(slice(None), linear.by_forces(unit))
+        gradient = elements.gradient(slice(None), displacement)
         stress = tensors(elements.isochoric_stress(displacement))
-        gradient, along = (elements.gradient(slice(None), field) for field in (displacement, adjoint))
         response = -elements.weight * (((gradient + np.eye(3)) @ stress) * along).sum(axis=(-2, -1))
         force = -indentation_of(state)[1].nodal_forces.sum(axis=0)[2]
-        weight = part.part.copies * elements.weight
-        fields = elements.isochoric_energy(displacement), response, weight
+        fields = elements.isochoric_energy(displacement), response, elements.weight
         rows.append((travel, force, -displacement[roof, 2].mean(), *(field.ravel() for field in fields)))
 
     # Elements are smaller under a deeper indenter: only states on the last mesh are used.
