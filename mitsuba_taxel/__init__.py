@@ -12,6 +12,7 @@ import lazy_loader
 
 from mitsuba_taxel.backend import check_llvm, choose_llvm, load_drjit, register_for_every_variant, wanted_variant
 from mitsuba_taxel.base.display import Displayed
+from mitsuba_taxel.base.fitted import Fitted
 from mitsuba_taxel.base.processes.system import deferred_signals
 
 with deferred_signals():
@@ -28,7 +29,14 @@ def _html_of(displayed: Displayed) -> str:
     return html_of(displayed)
 
 
-Displayed.html_of = _html_of
+def _fit_of(law: type[Fitted], *tests: object, **settings: object) -> object:
+    """Fit of a law to tests of a silicone; the package `fitting` is imported at the first call."""
+    from mitsuba_taxel.fitting.material.material_fit import fit_class
+
+    return fit_class(law, *tests, **settings)
+
+
+Displayed.html_of, Fitted.fit_of = _html_of, _fit_of
 _public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 

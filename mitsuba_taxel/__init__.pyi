@@ -37,6 +37,9 @@ from .mechanics import (
     LayerSteps as LayerSteps,
 )
 from .mechanics import (
+    Material as Material,
+)
+from .mechanics import (
     MooneyRivlin as MooneyRivlin,
 )
 from .mechanics import (

@@ -105,7 +105,7 @@ def _unusual_load(obj: SceneObject) -> Iterator[Finding]:
 def _without_earlier_load(obj: SceneObject) -> Iterator[Finding]:
     """Note that Mullins' effect hardly changes a first loading."""
     specification = obj.instance.specification
-    if specification.mullins.strip() and not specification.history.strip():
+    if specification.build_mullins() and not specification.history.strip():
         message = (
             "mullins hardly changes a first loading: history, the earlier loads, is needed, or steps with a column "
             "time."

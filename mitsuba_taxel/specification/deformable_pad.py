@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -314,7 +314,8 @@ class DeformablePad(Specification, Kinded):
         terms, (times, values), mullins = self.build_prony(), self.build_history(), self.build_mullins()
         if terms and mullins:
             raise InputError(
-                f"mullins = {self.mullins!r} is not allowed with viscoelasticity, prony: only one of both is modelled."
+                f"mullins = {' '.join(f'{c:g}' for c in mullins.constants)!r} is not allowed with viscoelasticity, "
+                "prony: only one of both is modelled."
             )
         if self.rate is not None and self.time:
             raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: leave one out.")
@@ -364,8 +365,12 @@ class DeformablePad(Specification, Kinded):
         return measured.prony if measured else prony_of(self.prony)
 
     def build_mullins(self) -> Mullins | None:
-        """The material with Mullins' effect; None without the effect."""
-        return mullins_of(self.mullins, self.build_material()) if self.mullins.strip() else None
+        """The material with Mullins' effect, of the scene or of the material's file; None without the effect."""
+        law = self.build_material()
+        if self.mullins.strip():
+            return mullins_of(self.mullins, law)
+        measured = self._measured
+        return replace(measured.mullins, law=law) if measured and measured.mullins else None
 
     @property
     def tested_stretch(self) -> float | None:

@@ -60,6 +60,11 @@ class Candidate:
     positive: bool = False
 
     @property
+    def law(self) -> str:
+        """Name of the law in scenes."""
+        return self.label.partition(",")[0]
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all constants: moduli, then shape parameters."""
         return (*self.moduli, *self.shapes)

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.fitting.material.candidates import CANDIDATES
+from mitsuba_taxel.fitting.material.candidates import CANDIDATES, Candidate
 from mitsuba_taxel.fitting.material.curves import LEAST_ROWS, StressCurve, read_curve
 from mitsuba_taxel.fitting.material.law_fit import LawFit, Tests, fit_law
 from mitsuba_taxel.fitting.material.noise import CurveNoise, curve_noise, refuse_contradictions
 from mitsuba_taxel.fitting.material.relaxation import RelaxationFit, fit_relaxation
+from mitsuba_taxel.mechanics.materials.laws import Material
 
 if TYPE_CHECKING:
     import pandas
@@ -107,6 +108,7 @@ def fit_material(
     length: float | None = None,
     true_stress: bool = False,
     up_to: float | None = None,
+    law: str | None = None,
 ) -> MaterialFit:
     """Fit hyperelastic laws to tests of a silicone, and rank them by their cross-validated errors.
 
@@ -126,6 +128,8 @@ def fit_material(
         Whether stresses are per deformed area.
     up_to : float, optional
         Largest nominal strain that the fit uses, such as that of the pad.
+    law : str, optional
+        Name of the only law to be fitted, such as ``"yeoh"``; by default all laws are.
 
     Returns
     -------
@@ -135,8 +139,12 @@ def fit_material(
     Raises
     ------
     InputError
-        if a table is refused, or tests contradict each other.
+        if a table is refused, tests contradict each other, or the law is not one of those that can be fitted.
     """
+    candidates = tuple(candidate for candidate in CANDIDATES if law in (None, candidate.law))
+    if not candidates:
+        allowed = ", ".join(sorted({candidate.law for candidate in CANDIDATES}))
+        raise InputError(f"law = {law!r} cannot be fitted: one of {allowed} is needed.")
     given = [(file, "uniaxial", False) for file in uniaxial]
     given += [(file, "uniaxial", True) for file in compression]
     given += [(file, "planar", False) for file in planar] + [(file, "equibiaxial", False) for file in equibiaxial]
@@ -150,10 +158,20 @@ def fit_material(
         if not (is_number(up_to) and up_to > 0):
             raise InputError(f"up_to = {up_to!r} is not allowed: a nominal strain above 0 is needed.")
         curves = [_up_to(curve, up_to) for curve in curves]
-    return rank_laws(curves, None if relaxation is None else fit_relaxation(relaxation))
+    return rank_laws(curves, None if relaxation is None else fit_relaxation(relaxation), candidates)
 
 
-def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None) -> MaterialFit:
+def fit_class(law: type[Material], uniaxial: Sequence[str | Path] = (), **tests: Any) -> MaterialFit:
+    """Fit the laws of a class: all laws for `Material`, else the one law; see `Material.fit`."""
+    own = vars(law).get("name", law.__name__)  # a subclass of a law inherits its name, but is another law
+    return fit_material(uniaxial, law=None if law is Material else own, **tests)
+
+
+def rank_laws(
+    curves: list[StressCurve],
+    relaxation: RelaxationFit | None = None,
+    candidates: Sequence[Candidate] = CANDIDATES,
+) -> MaterialFit:
     """Fit hyperelastic laws to the loading branches of tests, and rank them; see `fit_material`.
 
     Parameters
@@ -162,6 +180,8 @@ def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None
         Loading branches.
     relaxation : RelaxationFit, optional
         Prony series of the same silicone.
+    candidates : sequence of Candidate
+        Laws to be fitted. Slack is estimated by all laws.
 
     Returns
     -------
@@ -171,7 +191,7 @@ def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None
     Raises
     ------
     InputError
-        if tests contradict each other.
+        if tests contradict each other, or have too few rows.
     """
     noises = [curve_noise(curve) for curve in curves]
     warnings = refuse_contradictions(curves, noises)
@@ -180,7 +200,9 @@ def rank_laws(curves: list[StressCurve], relaxation: RelaxationFit | None = None
     ]
     with_slacks = Tests(curves, [noise._replace(slack=s) for noise, s in zip(noises, possible, strict=True)])
     tests = Tests(curves, noises := _with_slacks(curves, noises, with_slacks))
-    fits = [fit for fit in (fit_law(candidate, tests) for candidate in CANDIDATES) if fit is not None]
+    fits = [fit for fit in (fit_law(candidate, tests) for candidate in candidates) if fit is not None]
+    if not fits:
+        raise InputError(f"{len(tests.measured)} rows of tests are not enough for this law: add tests.")
     if len(with_slacks.free) > len(tests.free):
         fits = [_with_unknown_slacks(fit, with_slacks) for fit in fits]
     reach = max(curve.largest_stretch for curve in curves)

@@ -11,10 +11,11 @@ from mitsuba_taxel.base.arguments import is_number, path_of
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.toml import read_toml
 from mitsuba_taxel.mechanics.materials.laws import Material
+from mitsuba_taxel.mechanics.materials.mullins import Mullins, mullins_of
 from mitsuba_taxel.mechanics.materials.viscoelastic import Terms, prony_of
 
 SUFFIX = ".toml"
-TEXTS = ("title", "law", "source", "prony")
+TEXTS = ("title", "law", "source", "prony", "mullins")
 TABLES = ("constants", "intervals", "covariance", "tests", "ranking", "relaxation")
 """Tables of a file; only ``constants`` is needed, the others are for its readers."""
 
@@ -33,6 +34,8 @@ class MeasuredMaterial:
         Largest principal stretch of the tests; None if unknown.
     prony : tuple[tuple[float, float], ...]
         Terms of the Prony series: weight, and relaxation time in s; empty for an elastic silicone.
+    mullins : Mullins or None
+        The law with Mullins' effect; None without the effect.
     title : str
         Name of the material.
     content : Mapping[str, Any]
@@ -43,6 +46,7 @@ class MeasuredMaterial:
     source: str
     largest_stretch: float | None = None
     prony: Terms = ()
+    mullins: Mullins | None = None
     title: str = ""
     content: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
@@ -54,7 +58,7 @@ def read_material(file: str | Path) -> MeasuredMaterial:
     ----------
     file : str or Path
         TOML file with the entries ``law`` (name of a law), ``source`` and a table ``constants``; optionally
-        ``largest_stretch`` and ``prony``.
+        ``largest_stretch``, ``prony``, and ``mullins``, the constants ``"r m beta"`` of Mullins' effect.
 
     Returns
     -------
@@ -97,8 +101,9 @@ def read_material(file: str | Path) -> MeasuredMaterial:
                 raise InputError(f"{name} is missing: {parameter.needed}.")
         material = law(**constants)
         terms = prony_of(content.get("prony", ""))
+        mullins = mullins_of(content.get("mullins", ""), material)
     except InputError as error:
         raise InputError(f"{what}: {error}") from error
     return MeasuredMaterial(
-        material, content["source"], largest and float(largest), terms, content.get("title", ""), content
+        material, content["source"], largest and float(largest), terms, mullins, content.get("title", ""), content
     )

@@ -7,6 +7,7 @@ import pytest
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.laws import Ogden, Yeoh
 from mitsuba_taxel.mechanics.materials.material_file import read_material
+from mitsuba_taxel.mechanics.materials.mullins import Mullins
 from mitsuba_taxel.sensing.reading.stretch_notes import largest_stretches, stretch_notes
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.parsed_parts import refusal_of
@@ -65,6 +66,16 @@ def test_a_scene_with_a_material_is_checked_before_it_is_built(llvm_mono, write,
     refused = pad % '<float name="c10" value="0.1"/>'
     scene.write_text(f'<scene version="3.0.0">{refused}</scene>')
     assert str(refusal_of(Scene(scene))).startswith("c10 is not allowed for material")
+
+
+def test_mullins_effect_of_the_file_is_that_of_the_scene(write):
+    file = write(OGDEN.replace('prony = "0.2 1; 0.1 10"', 'mullins = "2 0.02 0.1"'))
+    assert read_material(file).mullins == Mullins(Ogden(0.03, 2.4), 2, 0.02, 0.1)
+    pad = DeformablePad(material=file, poisson_ratio=0.48)
+    assert pad.build_mullins() == Mullins(Ogden(0.03, 2.4, poisson_ratio=0.48), 2, 0.02, 0.1)
+    assert DeformablePad(material=file, mullins="3 0.1").build_mullins() == Mullins(Ogden(0.03, 2.4), 3, 0.1)
+    with pytest.raises(InputError, match="mullins = '2 0.02 0.1' is not allowed with viscoelasticity"):
+        DeformablePad(material=file, prony="0.1 1", time=1.0)
 
 
 def test_poissons_ratio_of_the_file_holds(write):

@@ -21,9 +21,10 @@ derived.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ import numpy as np
 from mitsuba_taxel.base.arguments import is_number
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.fitted import Fitted
 from mitsuba_taxel.base.kinds import Kind
 from mitsuba_taxel.mechanics.materials.invariants import IsochoricInvariants
 from mitsuba_taxel.mechanics.materials.jets import Jet
@@ -42,7 +44,7 @@ COMMON = (0.0005, 20)
 """Usual range of the constants of silicones in MPa; values outside it give a warning."""
 
 
-class Material(Kind, Checked, Displayed, family="material"):
+class Material(Kind, Checked, Displayed, Fitted, family="material"):
     """A rubber-like solid. Each law is a frozen dataclass whose fields are numbers, ``poisson_ratio`` among them.
 
     Raises
@@ -74,6 +76,31 @@ class Material(Kind, Checked, Displayed, family="material"):
             for field in fields(law)
         }
         return {name: declared.get(name, parameter) for name, parameter in plain.items() if name != "poisson_ratio"}
+
+    @classmethod
+    def fit(cls, uniaxial: Sequence[str | Path] = (), **tests: Any) -> Any:
+        """Fit laws to tests of a silicone: ``Material.fit(...)`` fits and ranks all laws, ``Yeoh.fit(...)`` that law
+        alone.
+
+        Parameters
+        ----------
+        uniaxial : sequence of str or Path
+            Tables of uniaxial tests; compression is negative.
+        **tests : Any
+            Other tests and settings, as for `fit_material`: ``compression``, ``planar``, ``equibiaxial``,
+            ``relaxation``, ``area``, ``length``, ``true_stress``, ``up_to``.
+
+        Returns
+        -------
+        MaterialFit
+            Laws with their constants, intervals and errors; ``best.material`` is the law that ranks first.
+
+        Raises
+        ------
+        InputError
+            if a table is refused, tests contradict each other, or the law cannot be fitted.
+        """
+        return Fitted.fit_of(cls, uniaxial, **tests)
 
     @abstractmethod
     def strain_energy(self, i1: Any, i2: Any) -> Any:
