@@ -99,8 +99,8 @@ def alone(name: str) -> Iterator[None]:
 
 
 class _Limit:
-    """Keeps the size of the folder below :data:`LARGEST`. The size is measured at the first call, and again each time
-    that a hundredth of it has been stored."""
+    """Keeps the size of the cache folder below :data:`LARGEST`. The size is measured at the first call, and again after
+    every 1 % of the limit that has been stored."""
 
     def __init__(self) -> None:
         self._since = LARGEST

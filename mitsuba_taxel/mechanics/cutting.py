@@ -60,8 +60,8 @@ class Cut:
         return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
 
     def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
-        """Derivatives (N, C) with respect to values of C components at N nodes, from those with respect to values (V,
-        C) at the V vertices."""
+        """Chain rule from vertices to nodes: derivatives (N, C) of a scalar with respect to C components at the N
+        nodes, from its derivatives (V, C) at the V vertices."""
         number, weights = self.nodes[self.of_vertex].ravel(), self.weights[self.of_vertex]
         sums = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
         return np.stack(list(sums), axis=1)
@@ -159,7 +159,7 @@ def in_cells(mesh: VolumeMesh, cells: tuple[int, ...] | None) -> np.ndarray:
     Returns
     -------
     (F,) ndarray of bool
-        One value for each face.
+        True for a face that is finely subdivided.
     """
     in_cell = np.isin(mesh.face_region, (REGIONS["roof"], REGIONS["side"]))
     if cells is None and not in_cell.any():
@@ -196,7 +196,9 @@ def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.nda
 
 
 def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Points and triangles like those of :func:`_grid`, for edges (3,) with different numbers of segments.
+    """Points and triangles of a subdivided face whose three edges have different numbers of ``segments`` (3,). The grid
+    of the largest number is used: points on the other edges are moved to match their segments, and degenerate triangles
+    are left out. No triangle becomes much larger, or inverted.
 
     From the grid of the largest number, points on the other edges are moved to match their segments, and degenerate
     triangles are left out. No triangle becomes much larger, or inverted.
@@ -217,7 +219,9 @@ def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Keys (F * P, 6) that are equal for coincident points.
+    """Keys by which coincident points of different faces are recognised: an integer array with a row of each of F * P
+    points, from integer barycentric coordinates (P, 3) in faces with corners (F, 3). A key consists of the corners with
+    non-zero weights, in order, and these weights.
 
     Points have integer barycentric coordinates (P, 3) in faces with corners (F, 3). A key consists of the corners with
     non-zero weights, in order, and these weights.

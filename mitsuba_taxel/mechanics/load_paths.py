@@ -244,8 +244,8 @@ def state_at_rest(
 
 
 def remembering(material: Material | Viscoelastic | Mullins) -> Viscoelastic:
-    """The material as a `Viscoelastic` object; one that is elastic or has Mullins' effect becomes one without relaxing
-    terms."""
+    """Convert a material to a `Viscoelastic` object. A material that is elastic, or has Mullins' effect, becomes one
+    without relaxing terms."""
     if isinstance(material, Mullins):
         return Elastic(material.law, softening=material)
     return material if isinstance(material, Viscoelastic) else Elastic(material)
@@ -280,7 +280,7 @@ def _state_in_time(
 
 
 def _check_room(states: int, path: PadPath) -> None:
-    """Raise `InputError` if this number of states does not fit into memory at once."""
+    """Raise `InputError` if ``states`` deformed pads do not fit into memory at once."""
     if states <= FEW_STATES:
         return
     most = MOST_BYTES // (3 * path.mesh.points.nbytes)  # displacement and deviations
@@ -292,7 +292,7 @@ def _check_room(states: int, path: PadPath) -> None:
 
 
 def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.ndarray:
-    """The values as an array (S, components); raises `InputError`."""
+    """Convert values of a load to an array (S, components); raises `InputError` if that is not possible."""
     try:
         rows = np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -309,7 +309,7 @@ def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.n
 
 
 def _checked_triangles(obstacles: object) -> np.ndarray:
-    """The corners (K, 3, 3) as numbers; raises `InputError`."""
+    """Convert the corners of triangles to an array (K, 3, 3); raises `InputError` if that is not possible."""
     try:
         corners = np.asarray(obstacles, dtype=float)
     except (TypeError, ValueError, OverflowError):

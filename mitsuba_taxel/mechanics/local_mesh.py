@@ -147,8 +147,8 @@ def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) ->
 
 
 def _covers(legs: Sequence[Leg], line: np.ndarray, distance: float) -> bool:
-    """Whether a straight line, given by its ends (2, 2), lies within a distance in mm of the start of the body or of
-    its legs."""
+    """Whether a horizontal straight line, given by its ends (2, 2) in mm, lies within a distance in mm of the
+    indenter's start or of its legs (straight movements)."""
     count = 2 + int(np.linalg.norm(line[1] - line[0]) / distance)
     points = line[0] + np.linspace(0, 1, count)[:, None] * (line[1] - line[0])
     distances = np.linalg.norm(points, axis=1)
@@ -158,7 +158,8 @@ def _covers(legs: Sequence[Leg], line: np.ndarray, distance: float) -> bool:
 
 
 def _continues(leg: Leg, line: np.ndarray, distance: float) -> bool:
-    """Whether a straight line, given by its ends (2, 2), begins on a leg and continues in its direction."""
+    """Whether a horizontal straight line, given by its ends (2, 2) in mm, begins on a leg (straight movement of the
+    indenter) and continues in its direction."""
     start, end = np.array(leg)
     along = (end - start) / max(float(np.linalg.norm(end - start)), TINY)
     across = line - start - np.outer((line - start) @ along, along)
@@ -170,7 +171,7 @@ def _continues(leg: Leg, line: np.ndarray, distance: float) -> bool:
 
 
 def _from_leg(points: np.ndarray, leg: Leg) -> np.ndarray:
-    """Distances (n,) in mm of points (n, 2) from a leg."""
+    """Horizontal distances (n,) in mm of points (n, 2) from a leg, a straight movement of the indenter."""
     start, end = np.array(leg)
     along = end - start
     position = np.clip((points - start) @ along / max(along @ along, TINY), 0, 1)
@@ -178,8 +179,8 @@ def _from_leg(points: np.ndarray, leg: Leg) -> np.ndarray:
 
 
 def _stops(legs: Sequence[Leg], spacing: float) -> np.ndarray:
-    """Positions (n, 3) in mm along the path of the body: its start, and points on its legs at most a ``spacing`` in mm
-    apart."""
+    """Positions (n, 3) in mm along the path of an indenter: its start, and points on its legs (straight movements) at
+    most a ``spacing`` in mm apart."""
     stops = [np.zeros((1, 3))]
     for start, end in np.array(legs).reshape(-1, 2, 2):
         count = 1 + math.ceil(float(np.linalg.norm(end - start)) / spacing)
@@ -189,7 +190,7 @@ def _stops(legs: Sequence[Leg], spacing: float) -> np.ndarray:
 
 
 def _keeps(mirror: Mirror, legs: Sequence[Leg]) -> bool:
-    """Whether legs are symmetric in a mirror."""
+    """Whether the legs (straight movements of an indenter) are together symmetric in a mirror."""
     ends = np.array(legs).reshape(-1, 2, 2)
     images = mirror.image(np.append(ends, np.zeros((len(ends), 2, 1)), axis=2))[:, :, :2]
     own_legs, image_legs = ({frozenset(map(tuple, leg)) for leg in lines.tolist()} for lines in (ends, images))
@@ -197,7 +198,7 @@ def _keeps(mirror: Mirror, legs: Sequence[Leg]) -> bool:
 
 
 def _completed(part: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMesh:
-    """A mesh joined with its mirror image, in which a cell c has the number ``cells[c]``."""
+    """Join a mesh with its mirror image. In the image, a cell c has the number ``cells[c]``."""
     joined = mirrored(part, mirror)
     cell = joined.face_cell.copy()
     cell[len(part.faces) :] = cells[part.face_cell]

@@ -144,7 +144,8 @@ class PointLocator:
         return Location(self.mesh, element, reference, offset)
 
     def _find(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Element of each point (P, 3), -1 outside, and reference coordinates in it.
+        """Find the element that contains each point (P, 3): its number, -1 outside the silicone, and the reference
+        coordinates of the point in it.
 
         Of the elements whose boxes contain a point, the most likely one is tested first.
         """
@@ -165,10 +166,11 @@ class PointLocator:
     def _likely(
         self, x: np.ndarray, row: np.ndarray, candidate: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pairs of a point and an element that may contain it, with the reference coordinates (K, 3) of the point in
-        the straight element between its corners.
+        """Candidates for the search: K pairs of a point and an element that may contain it, with the reference
+        coordinates (K, 3) of the point in the straight tetrahedron between the element's corners.
 
-        Coordinates of a point in a curved element are within the range of those of its hull.
+        A point is a candidate if these coordinates are within the range of the coordinates of the curved element's
+        hull.
         """
         used, number = np.unique(candidate, return_inverse=True)
         nodes = self.mesh.points[self.mesh.tets[used]]
@@ -201,8 +203,8 @@ class PointLocator:
         return xi
 
     def _beside(self, x: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """For points (P, 3) outside the silicone: element and reference coordinates of the nearest point of the
-        silicone, and the offset from it."""
+        """Nearest point of the silicone for points (P, 3) outside it: its element, its reference coordinates, and the
+        vector from it to the point."""
         if not len(x):
             return np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3))
         is_beyond = self._boundary.are_beyond(x, tolerance)
@@ -270,7 +272,8 @@ class _Boundary:
         return self._owner[face[best]], barycentric[:, 1:]
 
     def _feet(self, x: np.ndarray, face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Barycentric coordinates (K, 3) of the point of each face nearest to each point, and the distance (K,).
+        """Nearest points of curved faces: for K pairs of a point and a face, the barycentric coordinates (K, 3) of the
+        point of the face that is nearest, and the distance (K,).
 
         Gauss-Newton: the nearest point of the tangent triangle, repeated while it improves.
         """
@@ -300,7 +303,7 @@ locator_of = kept(4)(PointLocator)  # the states of a path share their mesh
 
 
 def _checked(points: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
-    """The points as an array (P, 3); raises `InputError`."""
+    """Convert points to an array (P, 3); raises `InputError` if that is not possible."""
     try:
         x = np.asarray(points, dtype=float)
     except (TypeError, ValueError):
@@ -324,14 +327,14 @@ def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
 
 
 def _violation(xi: np.ndarray) -> np.ndarray:
-    """Negative (K,) of the smallest barycentric coordinate of reference points (K, 3), at least 0; it is above 0
-    outside the element."""
+    """Measure (K,) of how far reference points (K, 3) are outside an element: the negative of the smallest barycentric
+    coordinate; 0 inside."""
     return np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1)
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solutions (K, 3) of linear systems by Cramer's rule: a singular matrix, as far outside an element, does not
-    affect the others."""
+    """Solutions (K, 3) of K linear systems by Cramer's rule. A singular matrix, as it occurs far outside an element,
+    does not affect the other systems."""
     a, b, c = (matrix[:, :, k] for k in range(3))
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     determinant = np.einsum("ki,ki->k", a, cofactors[:, 0])
@@ -341,7 +344,7 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _owners(mesh: VolumeMesh) -> np.ndarray:
-    """Element (B,) to which each of B faces of the surface belongs."""
+    """Number (B,) of the element to which each of the B faces of the surface belongs."""
     sides = np.sort(mesh.tets[:, _SIDES].reshape(-1, 3), axis=1)
     count = mesh.corner_count
     keys, face_keys = (

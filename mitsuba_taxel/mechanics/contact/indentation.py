@@ -134,8 +134,9 @@ class Indentation:
 
     @cached_property
     def _pattern(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sparsity pattern of :attr:`ContactState.rate` as a CSR matrix: the entry to which each product of two
-        functions of a face contributes, for each axis; the columns of the entries; the starts of the rows."""
+        """Sparsity pattern (CSR) of :attr:`ContactState.rate`. Returns the position in the array of entries to which
+        each product of two shape functions of a face is added, for each axis; the columns of the entries; and the start
+        of each row."""
         count = len(self._mesh.points)
         keys, target = np.unique(self.numbers[:, :, None] * count + self.faces[:, None, :], return_inverse=True)
         starts = 3 * np.searchsorted(keys, count * np.arange(len(self.node) + 1))
@@ -163,7 +164,8 @@ class Indentation:
         return nodal.reshape(2, -1, 3)[self.outside, self.node]
 
     def _over_nodes(self, of_faces: np.ndarray) -> np.ndarray:
-        """Sum (m,), for each pressure, of the values (B, 6) that B faces have at its node."""
+        """Assemble values of faces at contact nodes: for each of the m pressures, the sum (m,) of the values (B, 6)
+        that B faces have at its node."""
         return np.bincount(self.numbers.ravel(), of_faces.ravel(), len(self.node))
 
     def contact_state(
@@ -272,7 +274,7 @@ class Indentation:
         return self.faces[active], matrices.reshape(-1, 18, 18)
 
     def _turning(self, contact: ContactState) -> np.ndarray:
-        """Derivative (B, q, 3, 3) in N/mm of the force at each of q quadrature points of B faces with respect to the
-        position of the point, due to the change of the normal."""
+        """Derivative (B, q, 3, 3) in N/mm of the contact force at each of q quadrature points of B faces with respect
+        to the position of the point. Only the rotation of the indenter's normal is included."""
         force = np.einsum("bqh,bh->bq", self._weights, contact.pressure[self.numbers])
         return force[:, :, None, None] * contact.gaps.curvature.reshape(*force.shape, 3, 3)

@@ -109,7 +109,7 @@ def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, m
 
 
 def _inside(body: IndenterShape, face_nodes: np.ndarray, spacing: float) -> tuple[float, np.ndarray]:
-    """Largest depth in mm of points of faces inside a body, and the numbers of the faces that have such points.
+    """Largest depth in mm of points of faces inside a body, and the numbers of the faces that enter the body.
 
     Faces have nodes (B, 6, 3) in mm, relative to the tip. They are cut into four as long as they may enter the body and
     are larger than the ``spacing`` in mm. If there are too many, only those nearest to the body, or deepest inside it,

@@ -39,7 +39,8 @@ FALLS = f"{UNSTABLE}: the load falls as the pad buckles"
 
 
 class _Bordered(NamedTuple):
-    """The linearised pad, and the derivative of its unknowns with respect to the load."""
+    """Tangent matrix of the pad (equilibrium linearised at a state), with the derivative of its unknowns with respect
+    to the load."""
 
     tangent: Linearised
     rate: np.ndarray
@@ -95,8 +96,8 @@ class BuckledPad:
         return solution, bordered
 
     def solve_linearised(self, start: np.ndarray, amplitude: np.ndarray) -> tuple[Solution, _Bordered]:
-        """The equilibrium at a prescribed amplitude of the buckling mode, as from :meth:`solve_symmetric`, but without
-        a check of stability.
+        """Equilibrium of the pad at a prescribed amplitude of the buckling mode, with its tangent matrix. Stability is
+        not tested.
         """
         unknowns = start
         for iteration in range(MOST_ITERATIONS):
@@ -241,7 +242,8 @@ class BuckledBranch:
         )  # fmt: skip
 
     def load_at(self, amplitude: float) -> float:
-        """Load at which the buckling mode has a given amplitude, as distance along the segment of the load path."""
+        """Load at which the buckling mode has a given amplitude in mm. The load is measured as distance along the
+        segment of the load path."""
         return float(self.curve.unknowns_at(amplitude)[-1])
 
     def at(self, pad: LoadedPad, s: float) -> Interpolated:
@@ -253,7 +255,7 @@ class BuckledBranch:
         pad : LoadedPad
             The part of the pad between the mirrors of the mode.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
 
         Returns
         -------
@@ -271,7 +273,8 @@ class BuckledBranch:
         return Interpolated.of(state, curve.seconds_to(amplitude))
 
     def seconds_before(self, s: float) -> float:
-        """CPU time, in s, of solving all parts of the branch before the part that contains the distance ``s``."""
+        """CPU time in s that earlier parts of the branch took to solve, up to the part that contains the distance
+        ``s``."""
         nodes = self._segment.nodes + (self.curve.nodes if self.onwards and s > self.solved_to else [])
         return sum(node.seconds for node in nodes)
 
@@ -284,14 +287,14 @@ class BuckledBranch:
 
     @property
     def solved_to(self) -> float:
-        """Distance along the segment, which measures the load, of the last state that was solved with a prescribed
-        amplitude.
+        """Load of the last state that was solved at a prescribed amplitude, as distance along the segment of the load
+        path.
         """
         return float(self.curve.nodes[-1].unknowns[-1])
 
     def _amplitude(self, s: float) -> float:
-        """Amplitude in mm of the state at a distance. If the load falls at first, the amplitudes of that interval are
-        left out."""
+        """Amplitude of the buckling mode in mm at a load, which is given as distance along the segment. Amplitudes at
+        which the load falls at the start of the branch are skipped."""
         from scipy.optimize import brentq  # here, as only pads that buckle need it
 
         nodes = self.curve.nodes

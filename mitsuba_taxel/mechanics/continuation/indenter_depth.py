@@ -36,7 +36,7 @@ def force_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
     Parameters
     ----------
     pad : LoadedPad
-        The part of the pad that the segment needs.
+        Symmetric part of the pad on which the segment is solved.
     segment : LoadSegment
         The segment.
     node : Node
@@ -59,7 +59,7 @@ def stiffness_at(pad: LoadedPad, segment: LoadSegment, node: Node) -> float:
     Parameters
     ----------
     pad : LoadedPad
-        The part of the pad that the segment needs.
+        Symmetric part of the pad on which the segment is solved.
     segment : LoadSegment
         The segment.
     node : Node
@@ -159,8 +159,8 @@ def under_force(
     """State in which an indenter presses with a given force, solved from a state at a similar depth.
 
     The depth is found by Newton's method. Contact forces grow with the depth to a power of about 1.5, so the force to
-    the power of 2/3 is nearly linear in the depth. Each solve starts from the previous state, along its tangent, with
-    its factor and flexibility.
+    the power of 2/3 is nearly linear in the depth. Each solve starts from the previous state, extrapolated along its
+    tangent, and uses the factored matrix of that state again.
 
     Parameters
     ----------

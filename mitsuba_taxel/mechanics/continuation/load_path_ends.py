@@ -47,7 +47,8 @@ class LoadPathEnds(ComputationError):
         return LoadPathEnds(words, load, value, self.contact)
 
     def under(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same error, with a message that states the force on an indenter before its displacement."""
+        """The same error for an indenter that is pressed by a force: its message states the force first, then the
+        displacement."""
         assert self.load is not None and self.value is not None
         driven = _shown(self.load, self.value)
         return LoadPathEnds(str(self).replace(driven, f"{_shown(load, value)}, {driven}"), load, value, self.contact)

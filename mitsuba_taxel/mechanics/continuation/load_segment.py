@@ -220,8 +220,8 @@ class LoadSegment:
         return self.step / self.ticks
 
     def _between(self, pad: Followed, start: Node, end: Node, fits: bool) -> list[Node]:
-        """The nodes beyond ``start`` up to ``end``; nodes are inserted between them until the interpolation
-        ``fits``."""
+        """Solved states (nodes) from ``start``, exclusive, to ``end``. Further states are solved between them until the
+        cubic interpolation ``fits``."""
         if fits:
             return [end]
         s = 0.5 * (start.s + end.s)
@@ -249,8 +249,8 @@ class LoadSegment:
         return node, linearised
 
     def _interpolates(self, pad: Followed, start: Node, end: Node, linearised: Any) -> bool:
-        """Whether the interpolated state midway between two nodes is near equilibrium, as measured by one Newton
-        step."""
+        """Whether the interpolated state halfway between two solved states is close to equilibrium: the displacement of
+        one Newton step there must be within the tolerance."""
         if pad.solves_between:
             return True
         middle = 0.5 * (start.s + end.s)
@@ -261,14 +261,15 @@ class LoadSegment:
         return self._is_little(correction, unknowns, pad)
 
     def _is_little(self, correction: np.ndarray, unknowns: np.ndarray, pad: Followed) -> bool:
-        """Whether a change of the unknowns is within the tolerance; only the displacements, which are the first
-        unknowns, are compared."""
+        """Whether a correction of the unknowns is within the tolerance of the interpolation. Only displacements, which
+        come first among the unknowns, are compared."""
         displacements = pad.numbering.displacements
         error = math.sqrt(np.square(correction[:displacements]).mean())
         return bool(error <= self.tolerance * np.abs(unknowns[:displacements]).max())
 
     def _look_for_contact(self, pad: Followed, test: ContactTest) -> None:
-        """End the segment at the first contact after the penultimate node, if the pad is in contact at the last one."""
+        """If the pad is in contact at the last solved state, end the segment at the first contact after the state
+        before it."""
         if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
         find = test.find_package if pad.load.self_contact else test.find
@@ -283,7 +284,7 @@ class LoadSegment:
         Parameters
         ----------
         node : Node
-            The state there, unless the pad touches something before.
+            Last stable state. It is not used if the pad touches something at a smaller load.
         """
         self.limit = math.inf
         self.nodes.append(node)
@@ -294,8 +295,8 @@ class LoadSegment:
     def first_contact(
         self, pad: Followed, index: int, find: Callable[[np.ndarray], Contact | None]
     ) -> tuple[float, Contact] | None:
-        """The longest distance along the segment without contact, and the contact, if the pad is in contact at a node
-        but not at the node before.
+        """First contact of the pad between the solved state ``index`` and the state before it. Returns the longest
+        distance along the segment without contact, and the contact; None if there is none.
 
         Parameters
         ----------
@@ -323,9 +324,9 @@ class LoadSegment:
         Parameters
         ----------
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
 
         Returns
         -------
@@ -357,9 +358,9 @@ class LoadSegment:
         Parameters
         ----------
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
         near : Callable[[Node], Linearised], optional
             Returns the pad linearised at a node. With it, a state between stable nodes is solved with the factor of
             the closer node, and its stability is not tested again.
@@ -398,9 +399,9 @@ class LoadSegment:
         Parameters
         ----------
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
 
         Returns
         -------

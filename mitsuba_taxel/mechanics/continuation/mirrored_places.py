@@ -1,8 +1,9 @@
-"""States under a body at places that symmetries of the pad map onto each other: one of them is solved.
+"""States under an indenter at positions that are mirror images of each other in planes of symmetry of the pad: only one
+of these states is solved.
 
-A ball at (x, y) on a symmetric pad deforms it into the mirror image of the pad under the ball at (-x, y). Of such
-places, the one on the kept side of all mirrors is solved; it is called canonical. The states at the others are its
-mirror images, on the mirror image of its mesh, to the bit.
+A ball at (x, y) on a symmetric pad deforms it into the mirror image of the pad under the ball at (-x, y). The position
+on the kept side of all planes of symmetry (mirrors) is called canonical, and only its state is solved. The states at
+the other positions are mirror images of this state on the mirrored mesh, equal in every bit.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ Mirrors = tuple[Mirror, ...]
 
 
 def canonical_place(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray, Mirrors]:
-    """Map a body on a symmetric pad to the one of all mirrored places that is solved: its path and load there, and the
-    mirrors that lead there.
+    """Map an indenter on a symmetric pad to its canonical position: of all positions that are mirror images, the one
+    that is solved. Returns the load path and the load there, and the mirrors that map to it.
 
     Parameters
     ----------
@@ -71,9 +72,10 @@ def solved_by_symmetry(
     obstacles: np.ndarray | None,
     solve: Callable[[PadPath, np.ndarray, np.ndarray | None], State],
 ) -> State:
-    """The state under a body, computed as the mirror image of the state under the same body at a symmetric place.
+    """State of the pad under an indenter, computed as the mirror image of the state under the same indenter at the
+    canonical position.
 
-    If there is none at the canonical place, the load is solved at the place itself: its message then names the place.
+    If no state exists there, the load is solved at the requested position, which the error message then names.
 
     Parameters
     ----------
@@ -105,7 +107,8 @@ def solved_by_symmetry(
 
 
 def mirrored_state(path: PadPath, state: State, mirrors: Mirrors) -> State:
-    """Mirror the state under a body at a symmetric place: the result is the state at the body's own place.
+    """Mirror a state that was solved at the canonical position of an indenter. The result is the state at the requested
+    position.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
     Parameters
     ----------
     pad : LoadedPad
-        The part of the pad that the segment needs.
+        Symmetric part of the pad on which the segment is solved.
     segment : LoadSegment
         A segment that has ended.
 
@@ -116,12 +116,13 @@ def find_onset(pad: LoadedPad, segment: LoadSegment) -> Onset | None:
 
 
 def _least_mode(pad: LoadedPad, segment: LoadSegment, block: TangentBlock, node: Node) -> tuple[float, np.ndarray]:
-    """Least eigenvalue of a block of the tangent at a node of a segment, and its eigenvector."""
+    """Smallest eigenvalue of one symmetry block of the tangent matrix at a solved state of a segment, and its
+    eigenvector."""
     return least_mode(block, _tangent(pad, segment, block, node), CONVERGED)
 
 
 def _tangent(pad: LoadedPad, segment: LoadSegment, block: TangentBlock, node: Node) -> Linearised:
-    """The factored tangent of a block at a node of a segment."""
+    """Factored tangent matrix of one symmetry block, at a solved state of a segment."""
     value = segment.value(node.s)
     on_part = block.model.part.restrict(*pad.split(node.unknowns))
     entries = block.model.evaluate(*on_part, value).entries

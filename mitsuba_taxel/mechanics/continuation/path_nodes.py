@@ -65,7 +65,7 @@ def hermite(start: Node, end: Node, s: float) -> np.ndarray:
     end : Node
         Node at the end of the interval.
     s : float
-        Distance along the segment, in N, mm or MPa.
+        Load as distance along the segment, in N, mm or MPa.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def hermite_rate(start: Node, end: Node, s: float) -> np.ndarray:
     end : Node
         Node at the end of the interval.
     s : float
-        Distance along the segment, in N, mm or MPa.
+        Load as distance along the segment, in N, mm or MPa.
 
     Returns
     -------

@@ -29,7 +29,7 @@ Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
 
 
 def nothing(segment: LoadSegment, pad: Followed) -> None:
-    """The search for a contact on a path without obstacles: its result is always None."""
+    """Stands for the search for a contact on a load path without obstacles; the result is always None."""
 
 
 class PathSegments:
@@ -54,7 +54,8 @@ class PathSegments:
         return segments
 
     def _size(self, change: np.ndarray) -> float:
-        """Length of a tangential segment: its force and, in N too, its moment divided by a length of the load."""
+        """Magnitude in N of a change of a tangential load. Its moment is divided by a length of the load, so that it
+        has the unit of a force."""
         tangential = float(np.hypot(*change[:2])) if len(change) > 1 else 0.0
         if len(change) <= 3:
             return tangential
@@ -124,9 +125,9 @@ class PathSegments:
         segment : LoadSegment
             The segment.
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
         start : Start
             Computes displacement and pressure at its origin.
         touch : Touch
@@ -170,7 +171,7 @@ class PathSegments:
         segment : LoadSegment
             The segment.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
         touch : Touch
             Finds contacts with obstacles.
 
@@ -196,14 +197,14 @@ class PathSegments:
         return branch
 
     def part_to(self, segment: LoadSegment, s: float) -> tuple[LoadSegment | BuckledBranch, float, LoadedPad]:
-        """The segment or the branch after buckling that contains the state at a distance along a solved segment.
+        """Find the part of a load path that contains a state: the segment itself, or the branch after buckling.
 
         Parameters
         ----------
         segment : LoadSegment
             The segment.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
 
         Returns
         -------
@@ -262,8 +263,7 @@ class PathSegments:
         return self._path.judged and load.indenter is None and not load.tilts
 
     def follow_normal(self, value: np.ndarray) -> None:
-        """Solve the segment of growing normal load. Whether the pad buckles there determines the symmetries of the
-        state.
+        """Solve the segment on which only the normal load grows. If the pad buckles on it, the state loses symmetries.
         """
         normal = normal_part(value)
         if self.may_buckle and normal.any() and (value - normal).any():
@@ -273,7 +273,7 @@ class PathSegments:
                 self.extend(segment, self.pad_for(segment.origin, segment.direction), s, lambda: rest, nothing)
 
     def mirrors_at(self, value: np.ndarray) -> list[Mirror]:
-        """The mirrors under which the pad is symmetric when only the normal part of a load acts."""
+        """Planes of symmetry (mirrors) of the deformed pad under the normal part of a load alone."""
         normal = normal_part(value)
         if not self.may_buckle or not (value - normal).any():
             return list(self._path.images)

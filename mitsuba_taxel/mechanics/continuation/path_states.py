@@ -1,4 +1,5 @@
-"""Canonical states of a load path: from its segments and branches, and from the depth of an indenter under a force."""
+"""States of a load path that are solved: interpolated on its segments and branches, or found at the depth where an
+indenter exerts a force. Mirror images of these states are not solved."""
 
 from __future__ import annotations
 
@@ -30,11 +31,10 @@ from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class PathStates(PathProblem):
-    """States of one pad under one kind of load. Of loads that are mirror images of each other only one, called
-    canonical, is solved.
+    """States of one pad under one kind of load. Of loads that are mirror images of each other, only one is solved.
 
-    Loads that the pad's planes of symmetry map onto each other have mirrored states. Of these, the load on the kept
-    side of all planes is solved; it is called canonical.
+    Loads that are mirror images in a plane of symmetry of the pad have mirrored states. The load on the kept side of
+    all such planes is solved; it is called canonical.
 
     Parameters
     ----------
@@ -109,7 +109,8 @@ class PathStates(PathProblem):
             raise end.under(self.load, np.array([0.0, 0.0, -carried])) from end
 
     def turned(self, value: np.ndarray) -> tuple[np.ndarray, list[Mirror]]:
-        """The mirror image of a load that is solved (the canonical load), and the mirrors that lead there."""
+        """Canonical load of a load: its mirror image that is solved. Also returns the planes (mirrors) in which the
+        load was reflected."""
         used: list[Mirror] = []
         self.segments.follow_normal(value)
         for mirror in self.segments.mirrors_at(value):
@@ -121,7 +122,7 @@ class PathStates(PathProblem):
     def mirrored(
         self, displacement: np.ndarray, pressure: np.ndarray, mirrors: Iterable[Mirror]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The mirror image of a state, after reflection by some mirrors of the pad in turn.
+        """Reflect a state in several planes of symmetry of the pad, one after the other.
 
         Parameters
         ----------
@@ -145,7 +146,8 @@ class PathStates(PathProblem):
         return displacement, pressure
 
     def _rate(self, value: np.ndarray, mirrors: list[Mirror]) -> PathRate | None:
-        """Derivative of a canonical state along its path, mapped back by the ``mirrors`` that led there."""
+        """Derivative of a state with respect to the distance along its load path. The state is solved for the canonical
+        (mirrored) load; ``mirrors`` map it back."""
         if not value.any():
             return None
         if self.load.driven is not None:
@@ -186,8 +188,8 @@ class PathStates(PathProblem):
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-        """Displacement, pressure and figures of the state under a canonical load: the one of all mirrored loads that is
-        solved.
+        """Displacement, pressure and solver figures of the state under a canonical load: of all mirror images of a
+        load, the one that is solved.
 
         Parameters
         ----------
@@ -263,7 +265,7 @@ class PathStates(PathProblem):
         return *fields, replace(at, seconds=seconds)
 
     def _fields_under(self, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement and pressure under a force (3,) along z."""
+        """Displacement (N, 3) in mm and pressure (corners,) in MPa under a force (3,) in N along z."""
         displacement, pressure, _ = self.canonical(value, [], None)
         return displacement, pressure
 
@@ -287,8 +289,8 @@ class PathStates(PathProblem):
         mirrors: list[Mirror],
         folded_at: Place | None = None,
     ) -> LoadPathEnds:
-        """The error for a segment that ends too early, stated for the load that ``mirrors`` map to the load of the
-        segment."""
+        """The error that a load path ends too early. It names the requested load, which ``mirrors`` map to the load of
+        the segment."""
         buckled_at = self.segments.buckled_at(value, mirrors)
         for mirror in reversed(mirrors):
             value, place = mirrored_value(mirror, value), mirror.image(place)
@@ -301,5 +303,5 @@ def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarr
 
 
 def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and pressure in equilibrium near the unknowns of an interpolated state."""
+    """Displacement and pressure in equilibrium under a load: Newton's method starts from an interpolated state."""
     return pad.split(pad.equilibrium(near, value))

@@ -1,4 +1,4 @@
-"""Elements under a body: paths whose mesh is fine wherever the body moves, and fine enough for its depth.
+"""Load paths of an indenter on meshes that are fine wherever the indenter moves, and fine enough for its depth.
 
 Without friction a state does not depend on the path of the body: a dragged body gives the same state as a body that
 starts above its final position. With friction, the mesh is fine along the whole path.
@@ -39,8 +39,8 @@ def path_along(path: PadPath, values: Sequence[Sequence[float]]) -> PadPath:
 
 
 def _reach(path: PadPath) -> float:
-    """Half the width in mm of the contact for which elements are small enough; infinite for a plate or without an
-    indenter."""
+    """Half the width in mm of the region around the start of an indenter in which elements are small enough for its
+    contact; infinite for a plate or without an indenter."""
     indenter = path.load.moved_indenter
     if indenter is None:
         return math.inf

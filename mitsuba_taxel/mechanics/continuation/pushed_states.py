@@ -1,7 +1,7 @@
 """States under a small tangential force, solved with the tangent of the state under the normal force alone.
 
-The blocks of that tangent are much smaller than the tangent under both, and bring a state to balance in a few
-iterations. No intermediate states are needed: states that a path would interpolate are solved directly.
+That tangent matrix splits into blocks by symmetry, which are much smaller than the matrix under both forces. A few
+iterations with it reach equilibrium. Intermediate states along a load path are not needed.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class PushedStates:
     Parameters
     ----------
     pad : LoadedPad
-        The part that the normal force needs.
+        The symmetric part of the pad that is solved under the normal force.
     near : ndarray
-        Unknowns near the state under the normal force.
+        Unknowns close to those of the state under the normal force, from which it is solved.
     value : (3,) ndarray
         Value of the normal force.
     """
@@ -55,8 +55,8 @@ class PushedStates:
         return self._pad.split(self._at_normal[0].unknowns)
 
     def state(self, pad: LoadedPad, segment: LoadSegment, s: float) -> Interpolated:
-        """The state at a distance ``s`` along the segment of growing tangential force, on the symmetric part of the
-        ``pad`` that it needs.
+        """State at a distance ``s`` along the segment on which the tangential force grows. ``pad`` is the part of the
+        pad that has the symmetry of both forces.
 
         Raises
         ------
@@ -80,11 +80,11 @@ class PushedStates:
         Parameters
         ----------
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
         segment : LoadSegment
             The segment.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
         unknowns : (unknowns,) ndarray
             Unknowns of the pad.
 
@@ -101,7 +101,8 @@ class PushedStates:
         tangent, little = self._tangent(pad), SMALL * segment.step
 
         def correction(rate: np.ndarray) -> np.ndarray | None:
-            """Correction of the unknowns that reduces the change of the out-of-balance forces along the ``rate``."""
+            """Correction of the derivative ``rate`` of the unknowns. It reduces the change of the out-of-balance forces
+            along the segment."""
             ahead, behind = (
                 pad.correction(tangent, unknowns + change * rate, segment.value(s + change))
                 for change in (little, -little)
@@ -112,7 +113,8 @@ class PushedStates:
         return accelerated(start, correction, displacements, INTERPOLATION_TOLERANCE)[0]
 
     def _first_rate(self, pad: LoadedPad, segment: LoadSegment) -> np.ndarray:
-        """Derivative of the unknowns with respect to the distance, at the start of the segment."""
+        """Derivative of the unknowns with respect to the distance along the segment, at its start, where there is no
+        tangential force."""
         return self._tangent(pad).step(pad.model.load_rate(self._state[0][pad.part.nodes], segment.direction, None))
 
     def _tangent(self, pad: LoadedPad) -> SplitTangent:
@@ -125,7 +127,8 @@ class PushedStates:
         return tangent_blocks(self._pad)
 
     def _factor(self, block: TangentBlock) -> Factorisation:
-        """Factor of a block of the tangent under the normal force; raises Rejected if it is unstable."""
+        """Factor of one symmetry block of the tangent matrix under the normal force; raises Rejected if the block is
+        unstable."""
         at_normal = self._at_normal[1]
         if block.model is self._pad.model:
             return at_normal.factor
@@ -152,7 +155,7 @@ def accelerated(
     Parameters
     ----------
     start : (n,) ndarray
-        Unknowns near by.
+        Unknowns from which the iteration starts.
     correct : Callable[[ndarray], ndarray | None]
         Correction that a step of the iteration subtracts from unknowns; None if it fails.
     displacements : int

@@ -1,4 +1,5 @@
-"""States of a path that are solved at the requested loads, instead of interpolated between its nodes."""
+"""States of a load path that are solved at the requested loads, instead of interpolated between the solved states
+(nodes) of the path."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ tried. For one of the paper's domes the iteration converges up to this distance,
 
 
 class SolvedStates:
-    """Solved states of the load path of one contact problem, in memory and on disk.
+    """States of a load path that were solved at requested loads, in memory and on disk. They include states under
+    purely normal forces that are not on the path.
 
     States outside the path, under purely normal forces, are kept too.
 
@@ -59,9 +61,9 @@ class SolvedStates:
         segment : LoadSegment
             The segment.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
 
         Returns
         -------
@@ -81,7 +83,8 @@ class SolvedStates:
         return solved[s]
 
     def _tangent_at(self, segment: LoadSegment, pad: LoadedPad, node: Node) -> Linearised:
-        """The pad linearised at a node. It depends on the node alone, like the states that use its factor."""
+        """Tangent matrix of the pad at a solved state (node) of the path. It depends on the node alone, so states that
+        use its factor are reproducible."""
         return _linearised_at(pad, node.unknowns.tobytes(), segment.value(node.s).tobytes())
 
     def keep(self, segment: LoadSegment, node: Node) -> None:
@@ -108,9 +111,9 @@ class SolvedStates:
         part : LoadSegment or BuckledBranch
             The curve.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
 
         Returns
         -------
@@ -137,9 +140,9 @@ class SolvedStates:
         segment : LoadSegment
             The segment.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
 
         Returns
         -------
@@ -177,9 +180,9 @@ class SolvedStates:
         segment : LoadSegment
             The segment.
         s : float
-            Distance along the segment, in N, mm or MPa.
+            Load as distance along the segment, in N, mm or MPa.
         pad : LoadedPad
-            The part of the pad that the segment needs.
+            Symmetric part of the pad on which the segment is solved.
         unknowns : (unknowns,) ndarray
             Unknowns of the pad.
 
@@ -201,7 +204,8 @@ class SolvedStates:
         return rates[s]
 
     def pushed_from(self, normal: np.ndarray) -> PushedStates:
-        """The states under a normal force (3,) together with small tangential forces."""
+        """States under a given normal force (3,) in N and a small tangential force in addition, as an object that
+        solves them."""
         assert self._state_under is not None
         displacement, pressure = self._state_under(normal)
         pad = self._segments.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
@@ -214,7 +218,7 @@ def _linearised_at(pad: LoadedPad, unknowns: bytes, value: bytes) -> Linearised:
 
 
 def release_factor() -> None:
-    """Free the memory of the factored matrix that was last used for states between the solved ones."""
+    """Free the memory of the factored matrix that was used last to solve states between two nodes of a load path."""
     clear_caches(_linearised_at)
 
 

@@ -1,4 +1,4 @@
-"""A deformed pad, its estimated error and its rate along the load path."""
+"""A deformed pad, its estimated error, and its derivative with respect to the load."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
 class StateComparison(NamedTuple):
-    """Errors of a state, from comparison with a solution on a second mesh. The fields are those of :class:`State`, and
-    the time in s of the second solution.
+    """Estimated errors of a state, from comparison with a solution on a second mesh. The fields have the names and
+    units of :class:`State`; the time of the second solution is in s.
 
     ``deviate`` computes :attr:`State.deviations`, the changes of the displacement on coarser elements, which are needed
     for the errors of readings only.
@@ -60,7 +60,8 @@ class StateComparison(NamedTuple):
 
 
 def _no_rate() -> None:
-    """None: the derivative of a state that is not on a load path."""
+    """Stands for the derivative with respect to the load of a state that is not on a load path; the result is always
+    None."""
 
 
 class PathRate(NamedTuple):

@@ -1,9 +1,9 @@
-"""The mode against which a pad is least stiff, and the change of its stiffness when the pad changes.
+"""The least stiff mode of a pad, and the change of its stiffness when the pad or its load changes slightly.
 
-A pad becomes unstable where the least eigenvalue of its tangent falls to 0. To first order, the eigenvalue of a tangent
-that changes is the stiffness against the mode of the tangent before (T. Kato, Perturbation Theory for Linear Operators,
-1966, chapter 2). So one mode and the tangents of similar pads give the change of the eigenvalue with load, shape and
-material.
+A pad becomes unstable where the smallest eigenvalue of its tangent matrix falls to 0. If the matrix changes slightly,
+this eigenvalue is, to first order, the product of the changed matrix with the unchanged eigenvector on both sides (T.
+Kato, Perturbation Theory for Linear Operators, 1966, chapter 2). So one eigenvector gives the change of the eigenvalue
+with load, shape and material.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ CONVERGED = 1e-7
 
 
 class CriticalMode:
-    """The displacements against which a stable pad is least stiff: the eigenvector (mode) of its tangent with the least
-    eigenvalue.
+    """Least stiff mode of a stable pad: the eigenvector of its tangent matrix with the smallest eigenvalue.
 
     Parameters
     ----------
@@ -66,12 +65,12 @@ class CriticalMode:
         self.stiffness, self._mode = modes[self._place]
 
     def after(self, displacement: np.ndarray, velocity: np.ndarray, value: np.ndarray, material: Material) -> float:
-        """Stiffness against the mode after a small change of the pad or its load.
+        """Stiffness of the mode after a small change of the pad or its load.
 
         Parameters
         ----------
         displacement, velocity : (N, 3) ndarray
-            Change of the displacement, approximately, and movement of the nodes before it, in mm. Parts without the
+            Approximate change of the displacement, and movement of the undeformed nodes, in mm. Components without the
             symmetry of the state do not change an eigenvalue to first order, and are left out.
         value : (components,) ndarray
             Change of the load's value.
@@ -111,7 +110,8 @@ class CriticalMode:
 
 
 def _mode(block: TangentBlock, state: State) -> tuple[float, np.ndarray]:
-    """The least eigenvalue of a block, and its mode over the unknowns."""
+    """Smallest eigenvalue of one symmetry block of the tangent matrix, and its eigenvector over the unknowns of the
+    pad."""
     on_part = block.model.part.restrict(state.displacement, state.pressure)
     entries = block.model.evaluate(*on_part, state.value).entries
     assert entries is not None  # no element is inverted in a state

@@ -197,7 +197,8 @@ class LinearisedState:
         )
 
     def by_forces(self, forces: np.ndarray) -> np.ndarray:
-        """Displacement (N, 3) of the nodes by small forces on them, to first order, by one back-solve.
+        """Displacement (N, 3) of the nodes in mm due to small additional forces on them, to first order, by one
+        back-solve.
 
         The load keeps its value: a plate or an indenter whose displacement is prescribed does not move.
 
@@ -252,8 +253,8 @@ class LinearisedState:
         adjoints: dict[TangentBlock, np.ndarray] = {}
 
         def along(push: Push) -> float:
-            """Derivative of the scalar L with respect to a parameter, from the forces that a unit of the parameter
-            causes.
+            """Derivative of the scalar L with respect to a parameter. ``push`` contains the nodal forces that one unit
+            of the parameter causes.
             """
             total = 0.0
             for block, forces in push.items():
@@ -270,8 +271,9 @@ class LinearisedState:
         return Gradient(value, material, {name: along(push) for name, push in pushes.items()})
 
     def _response(self, push: Push, gaps: Push | None = None) -> np.ndarray:
-        """Derivative (N, 3) of the displacement with respect to a parameter that causes the forces ``push`` per unit; a
-        plate with a prescribed displacement moves by ``gaps`` per unit, or is fixed."""
+        """Derivative (N, 3) of the displacement with respect to a parameter. One unit of the parameter causes the nodal
+        forces ``push``, and moves a plate with a prescribed displacement by ``gaps``; without ``gaps``, the plate is
+        fixed."""
         total = np.zeros_like(self.displacement)
         for block, forces in push.items():
             rate = self._solved(block, forces, gaps[block] if gaps else None)
@@ -292,7 +294,8 @@ class LinearisedState:
         return self._tangents[model]
 
     def _on(self, block: TangentBlock) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement and pressure on the part of the pad on which a block of the tangent is solved."""
+        """Displacement and pressure on the symmetric part of the pad on which one block of the tangent matrix is
+        solved."""
         return block.model.part.restrict(self.displacement, self.pressure)
 
     def _strained_elements(self, block: TangentBlock) -> StrainedElements:
@@ -340,7 +343,7 @@ class LinearisedState:
 
     @cached_property
     def _barrier_forces(self) -> np.ndarray:
-        """Forces (N, 3) in N of contact with walls, board and bodies."""
+        """Contact forces (N, 3) in N on the nodes, by the pad's own walls, the board and rigid bodies."""
         contacts = self._pad.contacts
         return contacts.all_forces(self.displacement) if contacts else np.zeros_like(self.displacement)
 
@@ -360,8 +363,8 @@ class LinearisedState:
 
 
 class PressedState(LinearisedState):
-    """A linearised state under a force along z on an indenter. The indenter moves so that the force stays constant when
-    material or shape change.
+    """A pad under a force along z on an indenter, linearised. The indenter moves so that the force stays constant when
+    material or shape change. The state is solved with the displacement of the indenter as its load.
 
     The value of the linearised pad is the displacement of the indenter.
     """
@@ -404,8 +407,9 @@ class PressedState(LinearisedState):
         return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
 
     def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
-        """Rate (N, 3) of the nodes' displacements at a constant force of the indenter, from the rate at a constant
-        depth.
+        """Derivative (N, 3) of the nodes' displacements with respect to a parameter at a constant force of the
+        indenter, from the derivative ``rate`` at a constant depth. ``gain`` is the derivative of the force at constant
+        displacements.
 
         ``gain`` is the rate of the force while the nodes do not move.
         """
@@ -443,7 +447,7 @@ class PressedState(LinearisedState):
 
 @contextmanager
 def rejections_named(load: Load, value: np.ndarray) -> Iterator[None]:
-    """Turn a failed solution, or a lack of memory, into a ComputationError that names the load."""
+    """Turn a failed solution, or a lack of memory, within the block into a ComputationError that names the load."""
     try:
         with memory_for("the tangent of the pad"):
             yield

@@ -65,5 +65,6 @@ def _allows(material: Material, name: str, value: float) -> bool:
 
 
 def _scale(material: Material, name: str) -> float:
-    """Scale of the change of a parameter whose value is 0: 1 for Poisson's ratio, else the shear modulus."""
+    """Scale in which a material parameter is changed for a difference quotient if its value is 0: 1 for Poisson's
+    ratio, else the shear modulus."""
     return 1.0 if name == "poisson_ratio" else material.shear_modulus

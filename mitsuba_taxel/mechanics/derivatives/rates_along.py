@@ -1,8 +1,8 @@
 """Derivatives of all states on a straight line of loads, by interpolation between few states.
 
-Derivatives are smooth functions of the load, so that a polynomial through those of three or four states gives the
-others. States are added where the error of the polynomial may be largest (F. Leja, Ann. Polon. Math. 4, 1957), until it
-predicts the next state.
+Derivatives are smooth functions of the load, so a polynomial through the derivatives of three or four states gives
+those of the other states. States are added where the error of the polynomial may be largest (F. Leja, Ann. Polon. Math.
+4, 1957), until it predicts the next state.
 """
 
 from __future__ import annotations
@@ -66,13 +66,14 @@ def rates_along(states: Sequence[State], ask: Callable[[LinearisedState], Sequen
 
 
 def _largest(answers: Iterable[np.ndarray]) -> np.ndarray:
-    """Largest absolute value of each of the K derivatives."""
+    """Largest absolute value of each of the K derivatives over all states in ``answers``."""
     sizes = np.abs(np.array(list(answers)))
     return sizes.max(axis=(0, *range(2, sizes.ndim)))
 
 
 def _along(values: np.ndarray) -> np.ndarray:
-    """Positions (S,) of loads (S, c) along the straight line through them; raises `InputError` if they lie on none."""
+    """Distances (S,) of S loads (S, c) along the straight line through them; raises `InputError` if the loads are not
+    on a line."""
     from_first = values - values[0]
     length = np.linalg.norm(from_first, axis=1).max()
     if length == 0:
@@ -85,8 +86,8 @@ def _along(values: np.ndarray) -> np.ndarray:
 
 
 def _interpolated(places: np.ndarray, answers: dict[int, np.ndarray]) -> np.ndarray:
-    """Values (S, ...) at all positions, of the polynomial through the derivatives of some states, which are given by
-    number."""
+    """Interpolate derivatives along a line of loads: values (S, ...) at all ``places``, from a polynomial through the
+    derivatives ``answers`` of some states, which are given by number."""
     nodes = places[list(answers)]
     weights = np.ones((len(places), len(nodes)))
     for k, here in enumerate(nodes):

@@ -1,4 +1,4 @@
-"""Bring a state of a pad to equilibrium, and factor its tangent, for derivatives."""
+"""Newton iterations that bring a state of a pad to equilibrium, and its factored tangent matrix, for derivatives."""
 
 from __future__ import annotations
 

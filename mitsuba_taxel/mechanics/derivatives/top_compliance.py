@@ -1,4 +1,5 @@
-"""How the top of a pad yields to pressures: a grid of patches over it, and the response to a force on each.
+"""Compliance of the top of a pad: a grid of patches over the top, and the displacement of the pad by a force on each
+patch.
 
 The matrix of the mean normal displacements of the patches by forces on them is symmetric, because both use the same
 weights (J. C. Maxwell, Phil. Mag. 27, 1864).

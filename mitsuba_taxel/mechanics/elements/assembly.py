@@ -124,8 +124,8 @@ class Assembly:
     def over_unknowns(
         self, forces: np.ndarray, volumes: np.ndarray, displacement: np.ndarray | None = None
     ) -> np.ndarray:
-        """Sum (unknowns,) of element forces (m, 10, 3) and volumes (m, 4) on each unknown; see
-        :meth:`Numbering.over_unknowns`."""
+        """Residual (unknowns,) of the pad: sum of element forces (m, 10, 3) and volumes (m, 4) over the elements at
+        each unknown; see :meth:`Numbering.over_unknowns`."""
         return self.numbering.over_unknowns(self._nodal(forces, volumes), displacement)
 
     def _nodal(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
@@ -150,7 +150,7 @@ class Assembly:
 
 
 class _Pattern:
-    """Map from the entries of a mesh's matrix to the sparse lower triangle over the unknowns."""
+    """Positions in the sparse lower triangle over the unknowns to which the entries of the mesh's matrix are added."""
 
     def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
         # Indices of 32 bits and factors of 8 halve the memory of the patterns of large pads.
@@ -178,7 +178,8 @@ class _Pattern:
 
 
 class _RotationPattern(_Pattern):
-    """The same with the unknowns of a plate's rotation, whose entries follow those of the elements."""
+    """The same map for a pad under a plate that rotates: the entries of the plate's rotation follow those of the
+    elements."""
 
     def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
         super().__init__(sparsity, numbering)
@@ -212,9 +213,9 @@ class _RotationPattern(_Pattern):
         self._all_indptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
 
     def matrix(self, entries: np.ndarray) -> sparse.csc_matrix:
-        """The matrix of a pad under a plate that rotates: with K J in the columns of the rotation and J^T K J + G in
-        its block, where K is that of free nodes, J the rates of nodes by the rotation, and G the stiffness of forces
-        that turn.
+        """Tangent matrix of a pad under a plate that rotates. Its columns of the rotation are K J, and its block of the
+        rotation is J^T K J + G. Here K is the matrix of the free nodes, J the derivative of the nodes' positions with
+        respect to the rotation, and G the stiffness of forces that rotate.
         """
         elements, rates, geometric = np.split(entries, [self._count, len(entries) - 9])
         spread, number = self._rotation.spread, self._numbering

@@ -111,8 +111,8 @@ class Numbering:
         return np.unique(self.plate[self.plate >= 0])
 
     def on_plate(self, wrench: np.ndarray) -> np.ndarray:
-        """Component (unknowns,) along each unknown of a force (3,) on the plate or, if it rotates, of force and moment
-        (6,)."""
+        """Components (unknowns,) of a load on the plate along all unknowns: of a force (3,) in N, or, if the plate
+        rotates, of a force and a moment (6,)."""
         assert self.plate is not None and self.plate_sign is not None
         moving = self.plate >= 0
         weights = (self.plate_sign * wrench[:3])[moving]
@@ -181,7 +181,8 @@ def number_unknowns(
 
 
 class _Dofs:
-    """Degrees of freedom (N, 3): whether each is fixed, and the degree of freedom that it is tied to, with its sign."""
+    """Constraints of the degrees of freedom (N, 3) of the nodes: whether each is fixed, and which other degree of
+    freedom it equals, with which sign."""
 
     def __init__(self, fixed: np.ndarray, corners: int) -> None:
         self.root = np.arange(3 * len(fixed)).reshape(-1, 3)
@@ -212,7 +213,8 @@ class _Dofs:
             self.fixed[nodes, 2] = True
 
     def numbering(self, added: int) -> Numbering:
-        """Number the free degrees of freedom, then the pressures.
+        """Number the free degrees of freedom, then the pressures. The last two nodes stand for the plate and its
+        rotation; ``added`` of them, 0 to 2, exist.
 
         The last two nodes are the plate and its rotation, of which the first ``added`` are present.
         """

@@ -22,7 +22,9 @@ Forces = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class _Chunk:
-    """A chunk of m elements at a state, with q quadrature points each.
+    """Quantities at the q quadrature points of a chunk of m elements in a deformed state. ``deformed`` is the
+    deformation gradient F. All other fields are arguments and results of the constitutive law. Where the law is linear,
+    they are computed with the identity as F, and ``small`` is the small strain.
 
     ``deformed`` is F. All other fields are arguments and results of the law. Where the law is linear, these use the
     identity as F, and ``small`` is the small strain.
@@ -51,7 +53,8 @@ class _Chunk:
 
 
 class StrainedElements:
-    """Elements at a displacement (N, 3) and pressure (corners,) of their nodes; no element is inverted there."""
+    """Elements of a mesh in a deformed state, given by displacement (N, 3) and pressure (corners,); no element is
+    inverted."""
 
     def __init__(self, elements: Elements, displacement: np.ndarray, pressure: np.ndarray) -> None:
         self._elements = elements

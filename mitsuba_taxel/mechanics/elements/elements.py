@@ -45,7 +45,8 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 @dataclass(frozen=True)
 class Matrices:
-    """Matrices of all elements, as arguments of :meth:`Sparsity.summed`: the derivatives of their forces and volumes.
+    """Derivatives of the forces and volumes of all elements, as matrices; they are the arguments of
+    :meth:`Sparsity.summed`.
     """
 
     blocks: np.ndarray
@@ -242,8 +243,8 @@ class Elements:
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
 
     def at_rest(self, here: slice, gradient: np.ndarray) -> tuple[np.ndarray, SmallStrain | None]:
-        """Deformation gradient F (m, q, 3, 3) of a slice of elements: the identity where the law is linear, whose small
-        strain is returned besides.
+        """Deformation gradient F (m, q, 3, 3) of a slice of elements, and their small strain. Where the law is linear,
+        F is the identity, and the small strain replaces it.
         """
         if self.linear is None or not self.linear[here].any():
             return gradient, None
@@ -294,7 +295,8 @@ class Elements:
         return self.on_nodes(every, gradient @ tensors(stress))
 
     def on_nodes(self, here: slice, stress: np.ndarray) -> np.ndarray:
-        """Forces (m, 10, 3) in N of first Piola-Kirchhoff stresses (m, q, 3, 3) of a slice of elements."""
+        """Nodal forces (m, 10, 3) in N of a slice of elements with the first Piola-Kirchhoff stresses (m, q, 3, 3) in
+        MPa."""
         return self._by_node[here] @ _columns(self.weight[here], stress)
 
     def on_corners(self, here: slice, excess: np.ndarray) -> np.ndarray:
@@ -319,13 +321,14 @@ def quadrature_places(mesh: VolumeMesh) -> np.ndarray:
 
 
 def in_turns(work: Callable[[int], Result], count: int) -> list[Result]:
-    """Results of ``work(first)`` for each chunk of :data:`ELEMENTS_AT_ONCE` elements, where ``first`` is its first
-    element."""
+    """Results of ``work(first)`` for all chunks of :data:`ELEMENTS_AT_ONCE` elements; ``first`` is the number of the
+    first element of a chunk."""
     return side_by_side(work, range(0, count, ELEMENTS_AT_ONCE))
 
 
 def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:
-    """Transposes (m, 3 q, 3) of tensors (m, q, 3, 3) times weights (m, q), stacked."""
+    """Weighted transposes of tensors (m, q, 3, 3), stacked: matrices (m, 3 q, 3), with the weights (m, q) as factors.
+    """
     return np.swapaxes(weight[..., None, None] * tensors, -1, -2).reshape(len(weight), -1, 3)
 
 

@@ -62,7 +62,7 @@ class Softening:
     part: SymmetricPart
 
     def on(self, part: SymmetricPart, whole: VolumeMesh) -> Softening:
-        """The same on another part of the whole mesh."""
+        """The same softening, for another symmetric part of the same mesh."""
         if part is self.part:
             return self
         return Softening(self.mullins, expand_scalar(self.largest, self.part, whole)[part.elements], part)
@@ -179,8 +179,8 @@ class InternalVariables:
         return replace(self, largest_energy=np.maximum(self.largest_energy, energy))
 
     def _weights(self, material: Viscoelastic, step: float, growth: Growth | None) -> tuple[np.ndarray, np.ndarray]:
-        """Weights (k,) and (k,) with which :meth:`_initial_change` and the change of S contribute to the k terms at the
-        end of a step."""
+        """Weights in the update of the k viscoelastic terms at the end of a step: (k,) of the initial change of the
+        stress S (see :meth:`_initial_change`), and (k,) of the whole change of S."""
         if growth is None:
             ramp = material.shares * material.over(step).ramp
             return 0 * ramp, ramp
@@ -188,13 +188,14 @@ class InternalVariables:
         return material.shares * (first - square), material.shares * square
 
     def _initial_change(self, growth: Growth) -> np.ndarray:
-        """Change (m, q, 6) in MPa of S over a whole step if S were linear in the growth, with its rate at the start."""
+        """Change (m, q, 6) in MPa of the stress S over a whole step if S continued at its initial rate, linearly in the
+        ``growth``."""
         assert self.rate is not None
         return self.rate / growth.rate(0.0)
 
     def mid_stress(self, stress: np.ndarray, growth: Growth) -> np.ndarray:
-        """Stress S (m, q, 6) of the law in MPa in the middle of a step, on the parabola in ``growth`` that ends with a
-        ``stress``.
+        """Stress S (m, q, 6) of the law in MPa in the middle of the next step. S is a parabola in ``growth`` and has
+        the value ``stress`` at the end.
         """
         return self.stress + 0.25 * (stress - self.stress + self._initial_change(growth))
 
@@ -239,8 +240,8 @@ class InternalVariables:
         return _scaled(material.shares * material.over(self.step).curvature * self.step**2, curvature)
 
     def parabolic_step_error(self, material: Viscoelastic, growth: Growth, cubic: np.ndarray) -> np.ndarray:
-        """Error (k, m, q, 6) in MPa of the terms by a step in which S was a parabola over a growth g, if S has in
-        addition ``cubic`` (m, q, 6) times g³ - g²."""
+        """Error (k, m, q, 6) in MPa of the viscoelastic terms due to the last step. The step assumed that the stress S
+        is a parabola in the growth g; the true S is assumed to contain also ``cubic`` (m, q, 6) times g³ - g²."""
         _, square, cube = growth.moments(material.times).T
         return _scaled(material.shares * (cube - square), cubic)
 
@@ -324,7 +325,8 @@ def expand_scalar(scalar: np.ndarray, part: SymmetricPart, whole: VolumeMesh) ->
 
 
 def _images(field: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
-    """Components (M, q, c) of a field (m, q, c) of a part at the quadrature points of the whole mesh, not turned."""
+    """Copy components (M, q, c) of a field at the quadrature points of the whole mesh from those (m, q, c) of a
+    symmetric part. Their directions are not reflected."""
     element, corner, _ = part.element_images(whole)
     # Quadrature points are numbered by the corners they are near.
     families = field.reshape(len(field), -1, 4, field.shape[-1])
@@ -332,5 +334,5 @@ def _images(field: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.nda
 
 
 def _scaled(factors: np.ndarray, fields: np.ndarray) -> np.ndarray:
-    """Fields (k, m, q, 6), or one field (m, q, 6), times factors (k,)."""
+    """Fields (k, m, q, 6): k fields, or one field (m, q, 6), multiplied by k factors (k,)."""
     return factors[:, None, None, None] * fields

@@ -34,8 +34,8 @@ def free_memory() -> float:
 
 
 def _free_by_limit() -> float:
-    """Bytes that limits on addresses and data allow (``ulimit -v``, ``-d``); reserved but unused memory counts as
-    free."""
+    """Bytes that this process can still allocate within its limits of address space and data (``ulimit -v``, ``-d``);
+    reserved but unused memory counts as free."""
     try:
         import resource
 
@@ -60,7 +60,8 @@ def _free_by_machine() -> float:
 
 
 def _free_by_group() -> float:
-    """Bytes that the limit of the process's control group allows; cached pages of files count as free."""
+    """Bytes that this process can still allocate within the limit of its control group (cgroup); cached pages of files
+    count as free."""
     try:
         limit = float((_GROUP / "memory.max").read_text(encoding="utf-8").replace("max", "inf"))
         used = float((_GROUP / "memory.current").read_text(encoding="utf-8"))

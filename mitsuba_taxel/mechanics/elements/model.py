@@ -174,20 +174,21 @@ class Model:
         return LoadConstraints(rows, np.zeros(len(driven_unknowns)))
 
     def pressed(self, contact_state: ContactState) -> np.ndarray:
-        """Numbers of the contact pressures that are positive, among those of :attr:`may_press`."""
+        """Numbers of the nodes of the indenter's contact with positive pressure, among those of :attr:`may_press`."""
         return np.flatnonzero((contact_state.pressure > 0) & self.may_press)
 
     @cached_property
     def may_press(self) -> np.ndarray:
-        """Mask (m,): whether the node of each contact pressure can move along z.
+        """Mask (m,) of the indenter's contact pressures whose nodes can move along z. In antisymmetric states, nodes on
+        the mirror plane cannot.
 
         In antisymmetric states, nodes on the mirror plane cannot.
         """
         return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
 
     def over_unknowns(self, rows: sparse.csr_array) -> sparse.csr_array:
-        """Linear combinations (k, unknowns) of the pad's unknowns that equal given linear combinations (k, 3 n) of the
-        displacements of n nodes.
+        """Convert linear combinations of displacements to linear combinations of unknowns: from coefficients (k, 3 n)
+        of n nodes to coefficients (k, unknowns) with the same value.
         """
         return rows @ self._displacements_of_unknowns
 
@@ -293,7 +294,8 @@ class Model:
 
     @cached_property
     def _determinants(self) -> np.ndarray:
-        """Determinants (m, 10) in mm³ of the maps of the m undeformed elements at their nodes."""
+        """Jacobian determinants (m, 10) in mm³ of the isoparametric maps of the m undeformed elements, at their ten
+        nodes."""
         return map_determinants(self.mesh.points, self.mesh.tets)
 
     @cached_property

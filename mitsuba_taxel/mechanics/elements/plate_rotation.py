@@ -23,7 +23,7 @@ from mitsuba_taxel.base.caches import kept
 class PlateRotation:
     """Rotation of a rigid plate about its pivot, as a part of the unknowns of a pad.
 
-    Turns are the rotation vector times the ``size``, so that all unknowns are lengths.
+    Its unknowns are "turns": the rotation vector times a length ``size``, so that all unknowns of the pad are lengths.
 
     Attributes
     ----------
@@ -49,7 +49,8 @@ class PlateRotation:
     def of(
         cls, nodes: np.ndarray, arms: np.ndarray, size: float, unknown: np.ndarray, sign: np.ndarray
     ) -> PlateRotation:
-        """The rotation of a plate whose components are the given unknowns (3,), -1 where they are 0, with factors (3,).
+        """Create the rotation of a plate from its unknowns (3,), the numbers of the components of its turn (-1 where a
+        component is 0), and their factors ``sign`` (3,).
         """
         unknowns = np.unique(unknown[unknown >= 0])
         return cls(nodes, arms, size, unknowns, sign[:, None] * (unknown[:, None] == unknowns))

@@ -53,7 +53,7 @@ class Factorisation(Protocol):
         """Solution x (n,) of A x = ``rhs`` for one right-hand side (n,)."""
 
     def solve_roughly(self, rhs: np.ndarray) -> np.ndarray:
-        """Solution of A x = ``rhs`` to a few digits, for use within an iteration."""
+        """Approximate solution of A x = ``rhs``, accurate to a few digits, for use within an iteration."""
 
     def solve_many(self, rhs: np.ndarray) -> np.ndarray:
         """Solutions (n, k) of A x = b for the k columns b of ``rhs`` (n, k)."""
@@ -123,7 +123,8 @@ class Rslab:
 
 
 def _rounding(factor: Factorisation, lower: sparse.csc_matrix) -> float:
-    """Estimate of the Frobenius norm of E (A + E)^-1, from the factored A + E and the lower triangle of A."""
+    """Estimated effect of rounding on a factored matrix: the Frobenius norm of E (A + E)^-1, where A + E is the
+    factored matrix and A is given by its lower triangle."""
     noise = np.random.default_rng(0).standard_normal(lower.shape[0])
     solution = factor.solve_roughly(noise)
     return float(np.linalg.norm(noise - symmetric_product(lower, solution)))

@@ -83,7 +83,7 @@ class Sparsity:
 
 
 class _Merged:
-    """Groups of equal pairs (first, second) of numbers below ``size``, for sums of values over each group."""
+    """Groups of equal pairs of numbers, for sums of values over each group. Numbers are below ``size``."""
 
     def __init__(self, first: np.ndarray, second: np.ndarray, size: int) -> None:
         first, second = (array.ravel() for array in np.broadcast_arrays(first, second))
@@ -94,16 +94,18 @@ class _Merged:
 
     @property
     def pairs(self) -> tuple[np.ndarray, ...]:
-        """First and second number of each pair of equal keys, in 32 bits, which halves the memory of large patterns."""
+        """First and second number of each distinct pair, as 32-bit integers, which halve the memory of large patterns.
+        """
         return tuple(numbers.astype(np.int32) for numbers in np.divmod(self.keys, self._size))
 
     def summed(self, values: np.ndarray, size: int) -> np.ndarray:
-        """Sums of blocks of ``size`` values that have equal keys, as a flat array."""
+        """Sum blocks of ``size`` values over each group of equal pairs; the result is a flat array."""
         return (self._sum @ values.reshape(-1, size)).ravel()
 
 
 def equal_pairs(first: np.ndarray, second: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The distinct pairs of two arrays of whole numbers, by counting, which takes a third of the time of sorting.
+    """The distinct pairs of two arrays of whole numbers. They are found by counting, which takes a third of the time of
+    sorting.
 
     Parameters
     ----------

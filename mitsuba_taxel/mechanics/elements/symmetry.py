@@ -1,9 +1,10 @@
-"""Reduction of a symmetric pad to a part, and expansion of its states to the whole.
+"""Symmetric part of a pad: reduction of a mesh to the part between planes of symmetry, and expansion of its states to
+the whole pad.
 
-The mirrors of pad and load form a group; a stable solution can be sought among symmetric states, on the part of the
-mesh between their planes. Its stability against all displacements is a separate question: the tangent of the whole
-decomposes into blocks, one for each irreducible representation of the group, all of which must be checked (J.-P. Serre,
-Linear Representations of Finite Groups, chapter 2).
+The common planes of symmetry (mirrors) of pad and load form a group. A symmetric state is solved on the part of the
+mesh between these planes. Its stability against all displacements is tested separately: the tangent of the whole pad
+decomposes into blocks, one for each irreducible representation of the group, and all blocks must be stable (J.-P.
+Serre, Linear Representations of Finite Groups, chapter 2).
 """
 
 from __future__ import annotations
@@ -194,8 +195,8 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
 
 
 def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
-    """Orthogonal matrices (N, 3, 3) that map vectors at the image of each position (N, 3) on the kept side of a group
-    to vectors at the position."""
+    """Orthogonal matrices (N, 3, 3) of N positions (N, 3): each maps vectors at the mirror image of the position on the
+    kept side to vectors at the position. ``group`` contains the mirrors."""
     turn = np.broadcast_to(np.eye(3), (len(position), 3, 3)).copy()
     for mirror in group:
         beyond = mirror.side(position) < 0
@@ -205,7 +206,7 @@ def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
 
 
 def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
-    """The mirrors of a group whose planes bound the kept part."""
+    """Those mirrors of a group whose planes bound the part of the pad that is solved."""
     return (ACROSS_Y, ACROSS_DIAGONAL) if len(mirrors) == len(MIRRORS) else tuple(mirrors)
 
 

@@ -1,8 +1,8 @@
-"""The feet of a pad: the points where upright outer edges, at which two free sides meet, end at the glued bottom.
+"""Linear material law at the feet of a pad: the points where two upright free sides of a pad meet its glued bottom.
 
-There the volume ratio of any law for large strains falls without limit as elements become smaller: the foot rolls over
-onto the board, and the path of a pad with ``self_contact`` would end because of its elements. A linear law has no such
-limit.
+With any law for large strains, the volume ratio at a foot falls to zero as elements become smaller, and silicone rolls
+over onto the board. The load path of a pad with ``self_contact`` would end there, at a load that depends on the
+elements. A linear law has no such limit.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
 
 
 def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
-    """A sentence for messages about a contact of the pad with the board near a foot, where an upright outer edge meets
-    the bottom.
+    """Sentence for error messages: it explains a contact of the pad with the board near a foot, where two upright free
+    sides meet the bottom.
 
     Parameters
     ----------

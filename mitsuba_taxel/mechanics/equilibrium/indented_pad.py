@@ -89,7 +89,8 @@ class IndentedPad(LoadedPad):
     def _own_traction(
         self, displacement: np.ndarray, value: np.ndarray, contact_state: ContactState, history: History
     ) -> np.ndarray:
-        """Tractions (m, 3) in MPa due to slip at the contact ``contact_state``; raises without friction."""
+        """Tractions (m, 3) in MPa of friction at m contact nodes, from the slip at the contact ``contact_state``;
+        raises without friction."""
         assert self.friction is not None
         tangents, slip_position = (
             self.friction.tangents(contact_state),
@@ -256,8 +257,8 @@ class IndentedPad(LoadedPad):
         error: float,
         history: History,
     ) -> tuple[float, Configuration]:
-        """Length of a step of unknowns and forces, halved until no element is inverted, and the configuration of the
-        pad after the step."""
+        """Length of a Newton step, halved until no element is inverted, and residual and tangent of the pad after the
+        step."""
         length, (step, force_step) = 1.0, change
         for _ in range(MOST_HALVINGS):
             state = self._under_forces(unknowns + length * step, value, forces + length * force_step, False, history)
@@ -267,7 +268,7 @@ class IndentedPad(LoadedPad):
         return length, state
 
     def _contact(self, factor: Factorisation, state: Configuration) -> _LinearContact:
-        """The contact problem of the pad linearised at a state, from a factor of its tangent."""
+        """Contact problem of the pad linearised at a state, with the factored tangent matrix of that state."""
         return _LinearContact(self, factor, _contact_state_of(state), factor.negative_pivots - self.numbering.pressures)
 
     def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
@@ -296,7 +297,8 @@ class IndentedPad(LoadedPad):
         )
 
     def _slip(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History) -> np.ndarray:
-        """Slip (m, 2) in mm³ along the tangents since the history; (m, 0) without friction."""
+        """Slip (m, 2) in mm³ of m contact nodes along two tangents since the previous step, integrated over the area of
+        each node; (m, 0) without friction."""
         if self.friction is None:
             return np.zeros((len(self.model.indentation.node), 0))
         slip_position = self.friction.slip_position(self.numbering.split(unknowns)[0], value)
@@ -306,7 +308,8 @@ class IndentedPad(LoadedPad):
     def _with_gap_pressures(
         self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, history: History
     ) -> Configuration:
-        """The state under the pressures that follow from its gaps and the tractions that follow from its slip."""
+        """Residual of the pad with contact forces that follow from its displacement: pressures from the gaps, tractions
+        from the slip."""
         contact_state, body = _contact_state_of(state), self.model.indentation
         own = contact_state._replace(pressure=np.maximum(-contact_state.gap, 0.0) / body.slack)
         if self.friction is not None:
@@ -341,13 +344,13 @@ class IndentedPad(LoadedPad):
 
     @cached_property
     def _small_load(self) -> float:
-        """Least force in N by which the residual is scaled: the stress at the natural strain, times the smallest area
-        of the surface that belongs to a node."""
+        """Smallest force in N by which residuals are divided: the stress at the natural strain of about 2 %, times the
+        smallest surface area of a node."""
         return NATURAL_STRAIN * self.material.youngs_modulus * float(self.model.indentation.area.min())
 
 
 class _LinearContact:
-    """Contact problem of a pad linearised at a state and the nodes that an indenter may touch.
+    """Contact of an indenter with a pad that is linearised at a state; only contact nodes are unknowns.
 
     Parameters
     ----------
@@ -358,7 +361,7 @@ class _LinearContact:
     contact_state : ContactState
         Gaps at the state.
     surplus : int
-        Number of negative eigenvalues of the tangent that contact pressures have to remove.
+        Number of negative eigenvalues of the tangent. A stable pad has none once contact is included.
     """
 
     def __init__(self, pad: IndentedPad, factor: Factorisation, contact_state: ContactState, surplus: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""The tangent of a pad at a state, and its factor, with iterative refinement."""
+"""The tangent matrix of a pad at a state, its factor, and solutions with iterative refinement."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class Steps(Protocol):
 
 
 class Linearised:
-    """The tangent of a pad at a state, with its own factorisation or that of a nearby state.
+    """Tangent matrix of a pad at a state. It is solved with its own factor, or with that of a nearby state.
 
     Parameters
     ----------
     lower : sparse.csc_matrix
         Lower triangle of the tangent.
     factored : Callable[[sparse.csc_matrix], Factorisation]
-        Factorises such a triangle.
+        Factors a matrix, given by its lower triangle.
     constraints : LoadConstraints
         Constraints of the load.
     displacements : int
@@ -70,7 +70,7 @@ class Linearised:
 
     @cached_property
     def _flexibility(self) -> np.ndarray:
-        """Response (k, k) of the constrained combinations to the multipliers."""
+        """Response (k, k) of the k constrained combinations of unknowns to unit Lagrange multipliers."""
         return self.constraints.flexibility(self.factor)
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
@@ -92,7 +92,8 @@ class Linearised:
         return self._answer(residual, gap)[0]
 
     def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Change of the unknowns to the accuracy of the factor, and Lagrange multipliers."""
+        """Change of the unknowns for a residual, to the accuracy of the factor, and the Lagrange multipliers of the
+        constraints."""
         free = self.factor.solve_roughly(residual)
         if not len(self.constraints.slack):
             return free, np.zeros(0)
@@ -132,10 +133,11 @@ class Linearised:
         return solution
 
     def stiffness(self, mode: np.ndarray) -> float:
-        """Stiffness in N/mm against a mode, a vector over the unknowns: the quadratic form of the tangent."""
+        """Stiffness in N/mm of a mode, which is a vector over the unknowns: the product of the tangent with the mode on
+        both sides."""
         return float(mode @ symmetric_product(self._lower, mode))
 
     @cached_property
     def negative(self) -> int:
-        """Number of negative eigenvalues of the constrained tangent (Haynsworth, 1968)."""
+        """Number of negative eigenvalues of the tangent under the constraints of the load (Haynsworth, 1968)."""
         return self.factor.negative_pivots - int(np.count_nonzero(np.linalg.eigvalsh(self._flexibility) < 0))

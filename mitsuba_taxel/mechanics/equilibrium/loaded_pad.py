@@ -78,7 +78,7 @@ class LoadedPad(MeshedPad):
         solution : Solution
             The equilibrium.
         linearised : Linearised
-            The pad linearised there.
+            Factored tangent of the pad at the equilibrium.
 
         Raises
         ------
@@ -94,7 +94,7 @@ class LoadedPad(MeshedPad):
         return solution, linearised
 
     def solve_symmetric(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """The equilibrium and the linearised pad, as from :meth:`solve`, but without the check of
+        """The equilibrium and its tangent, as from :meth:`solve`, but without the stability check of
         :meth:`refuse_unstable`.
 
         Only one factored matrix is then in memory at a time: that of a nearby state, if it suffices.
@@ -111,7 +111,7 @@ class LoadedPad(MeshedPad):
         solution : Solution
             The equilibrium.
         linearised : Linearised
-            The pad linearised at it.
+            Factored tangent of the pad at the equilibrium.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class LoadedPad(MeshedPad):
             raise singular(failure) from failure
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """The solution of :meth:`solve`, and the linearised pad there.
+        """The equilibrium of :meth:`solve`, and the factored tangent there.
 
         It is for the pad at rest, and between states of a path that are known to be stable: stability against
         displacements that break the symmetry of the load is not tested again. The pad may be linearised at a nearby
@@ -167,7 +167,7 @@ class LoadedPad(MeshedPad):
         solution : Solution
             The equilibrium.
         linearised : Linearised
-            The pad linearised at it.
+            Factored tangent of the pad at the equilibrium.
 
         Raises
         ------
@@ -200,7 +200,7 @@ class LoadedPad(MeshedPad):
         solution : Solution
             The equilibrium.
         linearised : Linearised
-            The pad linearised at it.
+            Factored tangent of the pad at the equilibrium.
 
         Raises
         ------
@@ -210,8 +210,8 @@ class LoadedPad(MeshedPad):
         return self.solve_linearised(start, value)
 
     def solve_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """The equilibrium and the linearised pad, as from :meth:`solve_linearised`. The tangent is that of the state
-        itself, but its factor may be that of a nearby state.
+        """The equilibrium and its tangent, as from :meth:`solve_linearised`. The tangent is that of the state itself,
+        but its factor may be that of a nearby state.
 
         Parameters
         ----------
@@ -225,7 +225,7 @@ class LoadedPad(MeshedPad):
         solution : Solution
             The equilibrium.
         linearised : Linearised
-            The pad linearised at it.
+            Factored tangent of the pad at the equilibrium.
 
         Raises
         ------
@@ -240,7 +240,7 @@ class LoadedPad(MeshedPad):
         return replace(solution, unknowns=unknowns), linearised
 
     def equilibrium_with_tangent(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """An equilibrium, which may be unstable, and the pad linearised there; see :meth:`solve_with_tangent`.
+        """An equilibrium, which may be unstable, and its factored tangent; see :meth:`solve_with_tangent`.
 
         Parameters
         ----------
@@ -254,7 +254,7 @@ class LoadedPad(MeshedPad):
         solution : Solution
             The equilibrium.
         linearised : Linearised
-            The pad linearised at it.
+            Factored tangent of the pad at the equilibrium.
 
         Raises
         ------
@@ -276,7 +276,8 @@ class LoadedPad(MeshedPad):
     def solve_after(
         self, start: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> tuple[Solution, Linearised]:
-        """The stable equilibrium after a ``history``; the matrix factored at ``near`` is used as long as it suffices.
+        """The stable equilibrium of a pad that depends on earlier states, given by ``history``. The matrix factored at
+        ``near`` is used as long as iterations converge fast.
 
         Stability against displacements without the symmetry of the load is not tested.
 
@@ -287,7 +288,7 @@ class LoadedPad(MeshedPad):
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
         near : Linearised or None
-            The pad linearised at a nearby state, whose factor is used.
+            Factored tangent of the pad at a nearby state; it is reused.
         history : History
             Earlier states that the equilibrium depends on.
 
@@ -296,7 +297,7 @@ class LoadedPad(MeshedPad):
         solution : Solution
             The equilibrium.
         linearised : Linearised
-            The pad linearised at it.
+            Factored tangent of the pad at the equilibrium.
 
         Raises
         ------
@@ -314,7 +315,7 @@ class LoadedPad(MeshedPad):
     def stable_tangent(
         self, unknowns: np.ndarray, value: np.ndarray, near: Linearised, history: History = NO_HISTORY
     ) -> Linearised:
-        """The linearised pad at an equilibrium, whose stability against all displacements is tested.
+        """Factored tangent at an equilibrium, whose stability against all displacements is tested.
 
         If :class:`Stability` also tests displacements with the symmetry of the load, the factorisation of the nearby
         state ``near`` is reused.
@@ -326,7 +327,7 @@ class LoadedPad(MeshedPad):
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
         near : Linearised or None
-            The pad linearised at a nearby state, whose factor is used.
+            Factored tangent of the pad at a nearby state; it is reused.
         history : History
             Earlier states that the equilibrium depends on.
 
@@ -348,7 +349,7 @@ class LoadedPad(MeshedPad):
         return linearised
 
     def equilibrium(self, start: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """The unknowns of :meth:`solve`, without a check of stability.
+        """The unknowns of the equilibrium, as from :meth:`solve`, without a check of stability.
 
         Parameters
         ----------
@@ -372,7 +373,7 @@ class LoadedPad(MeshedPad):
     def figures_at(
         self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool, history: History = NO_HISTORY
     ) -> Solution:
-        """The solution with given unknowns, with its residual and smallest volume ratio computed from them.
+        """A solution with given unknowns; its residual and smallest volume ratio are computed from them.
 
         Parameters
         ----------
@@ -457,7 +458,7 @@ class LoadedPad(MeshedPad):
         raise Rejected(f"Newton's method does not converge in {MOST_ITERATIONS} iterations")
 
     def _accepted(self, balanced: Balanced, checked: bool) -> Solution:
-        """The result of Newton's method as a solution; raises Rejected if an element is inverted at a node."""
+        """Convert the result of Newton's method to a solution; raises Rejected if an element is inverted at a node."""
         nodal = self.model.least_nodal_jacobian(self.numbering.split(balanced.unknowns)[0], self._judged_nodes)
         if not nodal > 0:
             raise Rejected(f"an element would be inverted at a node (J = {nodal:.2g})")
@@ -480,7 +481,7 @@ class LoadedPad(MeshedPad):
     def _checked_error(
         self, state: Configuration, unknowns: np.ndarray, value: np.ndarray, first: float, history: History
     ) -> float:
-        """Error of equilibrium; raises Rejected if the iteration should not continue."""
+        """Relative error of equilibrium in an iteration; raises Rejected if the iteration should not continue."""
         if not state.min_jacobian > 0:
             raise Rejected(f"an element would be inverted (J = {state.min_jacobian:.2g})")
         if not first and history.stress_update is None:
@@ -508,7 +509,7 @@ class LoadedPad(MeshedPad):
         Parameters
         ----------
         linearised : Linearised
-            The pad linearised at the state, or at a nearby one.
+            Factored tangent of the pad at the state, or at a nearby one.
         unknowns : (unknowns,) ndarray
             Unknowns of the pad.
         value : (c,) ndarray

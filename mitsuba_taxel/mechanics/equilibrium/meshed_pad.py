@@ -89,11 +89,11 @@ class MeshedPad:
         return self.model.assembly.unknowns
 
     def split(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement (N, 3) and pressure (corners,) of the whole pad."""
+        """Displacement (N, 3) in mm and pressure (corners,) in MPa of the whole pad, from the vector of unknowns."""
         return self.part.expand(*self.numbering.split(unknowns))
 
     def split_rate(self, rate: np.ndarray, unknowns: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Rates of displacement (N, 3) and pressure (corners,) of the whole pad.
+        """Rates of displacement (N, 3) and pressure (corners,) of the whole pad, from the rates of the unknowns.
 
         Parameters
         ----------
@@ -117,8 +117,8 @@ class MeshedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Start of an iteration: the guess or, if the kind of pad limits the step, a point between ``known`` and the
-        guess.
+        """Start of a Newton iteration: the guess or, where the size of a step is limited (as by contact), a point
+        between ``known`` and the guess.
 
         Parameters
         ----------
@@ -147,7 +147,8 @@ class MeshedPad:
         return self.model.assembly.elements.isochoric_stress(displacement[self.part.nodes])
 
     def isochoric_energy(self, displacement: np.ndarray) -> np.ndarray:
-        """Energy density (m, q) in MPa of the law on this part, at a displacement (N, 3) in mm of the whole pad."""
+        """Isochoric energy density (m, q) in MPa in the solved part of the pad, at a displacement (N, 3) in mm of the
+        whole pad."""
         return self.model.assembly.elements.isochoric_energy(displacement[self.part.nodes])
 
     def isochoric_rate(self, displacement: np.ndarray, velocity: np.ndarray) -> np.ndarray:
@@ -168,7 +169,7 @@ class MeshedPad:
         return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
 
     def size_of(self, stress: np.ndarray) -> float:
-        """Root mean square over the pad of a stress (m, q, 6), in MPa."""
+        """Root mean square over the pad, in MPa, of a stress (m, q, 6) at the quadrature points."""
         weight = self.model.assembly.elements.weight
         squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
         return float(np.sqrt((weight * squares).sum() / weight.sum()))
@@ -176,7 +177,7 @@ class MeshedPad:
     def tangent_at(
         self, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None, history: History = NO_HISTORY
     ) -> Linearised:
-        """The pad linearised at an equilibrium.
+        """Factored tangent matrix of the pad at an equilibrium.
 
         Parameters
         ----------
@@ -185,7 +186,7 @@ class MeshedPad:
         value : (c,) ndarray
             Value of the load, in N, mm or MPa.
         near : Linearised or None
-            The pad linearised at a nearby state, whose factor is used.
+            Factored tangent of the pad at a nearby state; it is reused.
         history : History
             Earlier states that the equilibrium depends on.
 
@@ -206,7 +207,7 @@ class MeshedPad:
         Parameters
         ----------
         linearised : Linearised
-            The pad linearised at the state, or at a nearby one.
+            Factored tangent of the pad at the state, or at a nearby one.
         unknowns : (unknowns,) ndarray
             Unknowns of the pad.
         rate : (c,) ndarray
@@ -263,7 +264,7 @@ class MeshedPad:
         Parameters
         ----------
         linearised : Linearised
-            The pad linearised at the state, or at a nearby one.
+            Factored tangent of the pad at the state, or at a nearby one.
         unknowns : (unknowns,) ndarray
             Unknowns of the pad.
         stress : (m, q, 6) ndarray
@@ -292,13 +293,15 @@ class MeshedPad:
         return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, history.stress_update)
 
     def _free_residual(self, state: Configuration) -> np.ndarray:
-        """Out-of-balance forces without the reaction of a moved plate, which is irrelevant and large."""
+        """Out-of-balance forces without the reaction of a plate with a prescribed displacement: it is large, but no
+        error."""
         residual = state.residual.copy()
         residual[self._plate_unknowns] = 0.0
         return residual
 
     def _error(self, state: Configuration, unknowns: np.ndarray, value: np.ndarray) -> float:
-        """Error of equilibrium: the largest relative error of forces, volumes, plate."""
+        """Relative error of equilibrium: the largest of the errors of forces, of volumes, and of the displacement of a
+        plate."""
         forces, volumes = np.split(state.residual, [self.numbering.displacements])
         load = float(np.linalg.norm(state.load))
         if self._driven:
@@ -312,8 +315,8 @@ class MeshedPad:
 
     @cached_property
     def _small_load(self) -> float:
-        """Least scale of the residual, for small loads: the norm of the load vector of a natural step, or of
-        :data:`TICKS` ticks if these are smaller."""
+        """Smallest norm of the load by which residuals are divided: that of a natural step, or of :data:`TICKS` ticks
+        if they are smaller."""
         zero = np.zeros((len(self.part.mesh.points), 3))
         value = normal_part(np.full(self.load.components, self.step))
         if self._driven:
@@ -330,13 +333,14 @@ class MeshedPad:
         return self.numbering.plate_unknowns if self._driven else np.zeros(0, dtype=np.int64)
 
     def _plate_gap(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray | None:
-        """Deviation of each moved unknown of the plate from its prescribed value, in mm; None without a moved plate."""
+        """Deviation in mm of each component of a plate's displacement from its prescribed value; None without such a
+        plate."""
         return unknowns[self._plate_unknowns] - self.numbering.plate_values(value) if self._driven else None
 
     def _linearised(
         self, entries: np.ndarray, unknowns: np.ndarray, value: np.ndarray, near: Linearised | None = None
     ) -> Linearised:
-        """The linearised pad with given entries at a state; the factor is that of the state ``near``, if given."""
+        """Tangent matrix of the pad from its entries at a state; with ``near``, it uses the factor of that state."""
         lower = self.model.assembly.matrix(entries)
         constraints = self.model.constraints(self.numbering.split(unknowns)[0], value)
         return Linearised(entries, lower, self._factored, constraints, self.numbering.displacements, near)
@@ -355,7 +359,7 @@ class MeshedPad:
         Parameters
         ----------
         linearised : Linearised
-            The pad linearised at the state, or at a nearby one.
+            Factored tangent of the pad at the state, or at a nearby one.
         unknowns : (unknowns,) ndarray
             Unknowns of the pad.
         direction : (c,) ndarray

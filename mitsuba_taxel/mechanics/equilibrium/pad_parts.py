@@ -1,4 +1,5 @@
-"""Shared data of states under one kind of load: its symmetries, and parts of the pad between mirrors."""
+"""Symmetries of a pad under one kind of load, and the parts of the pad between planes of symmetry, which are shared by
+all states."""
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ def loaded_pad(
     bodies: RigidBodies | None = None,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """The part of a pad between mirrors, with barriers against ``bodies`` if its load has ``self_contact``.
+    """The part of a pad between planes of symmetry (mirrors), with the equations of its load. It has barriers against
+    ``bodies`` if its load has ``self_contact``.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def new_pad(
     fraction: float = 1.0,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """A new part of a pad between mirrors, as :func:`loaded_pad`, but not shared with other callers.
+    """A new part of a pad between planes of symmetry, like :func:`loaded_pad`, but not shared with other callers.
 
     Parameters
     ----------

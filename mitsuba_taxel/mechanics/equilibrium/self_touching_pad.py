@@ -63,7 +63,7 @@ class SelfTouchingPad(LoadedPad):
 
     @cached_property
     def _expansion(self) -> sparse.csr_array:
-        """Displacements (3 N, unknowns) of the whole pad."""
+        """Matrix (3 N, unknowns) from the unknowns to the displacements of the N nodes of the whole pad."""
         component, sign = self.part.components
         entries = sign.ravel(), (np.arange(component.size), component.ravel())
         of_part = sparse.csr_array(entries, shape=(component.size, 3 * len(self.part.mesh.points)))
@@ -192,7 +192,7 @@ class SelfTouchingPad(LoadedPad):
         return best
 
     def _slope(self, step: np.ndarray, state: Configuration) -> float:
-        """Derivative of the energy at a state with respect to the length of a step."""
+        """Derivative of the energy with respect to the length of a step of the unknowns."""
         displacements = slice(self.numbering.displacements)
         return float(step[displacements] @ self._free_residual(state)[displacements])
 
@@ -202,7 +202,7 @@ class SelfTouchingPad(LoadedPad):
         return self._with_contacts(super()._evaluate(unknowns, value, with_tangent, history), unknowns)
 
     def _with_contacts(self, state: Configuration, unknowns: np.ndarray) -> Configuration:
-        """A state with the forces of the barriers added."""
+        """Add the forces of the barriers to the residual, and their stiffness to the tangent, of a state."""
         if not state.min_jacobian > 0:
             return state
         forces = self.contacts.all_forces(self.split(unknowns)[0]).ravel()
@@ -246,7 +246,8 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         return self._with_contacts(super()._under_forces(unknowns, value, forces, with_tangent, history), unknowns)
 
     def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
-        """As in :class:`IndentedPad`, and without the negative stiffness of forces that turn about corners of walls."""
+        """Factor of the tangent with contact pressures of fixed direction, as in :class:`IndentedPad`, and without the
+        negative stiffness of contact forces that rotate about corners of walls."""
         inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.stress_update)
         assert inside.entries is not None  # no element is inverted
         return self._linearised(inside.entries, unknowns, value, steady=True).factor
@@ -260,8 +261,8 @@ class IndentedTouchingPad(IndentedPad, SelfTouchingPad):
         error: float,
         history: History,
     ) -> tuple[float, Configuration]:
-        """Length of a step without collisions, halved until it leads closer to equilibrium; if no length does, the best
-        one."""
+        """Length of a Newton step that causes no collision. It is halved until the state is closer to equilibrium; if
+        no length achieves this, the best one is returned."""
         step, force_step = change
         displacement, guess = self.split(unknowns)[0], self.split(unknowns + step)[0]
         length, least = self.contacts.free_fraction(displacement, guess), math.inf

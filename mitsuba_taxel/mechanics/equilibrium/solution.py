@@ -63,8 +63,8 @@ class Rejected(Exception):
 
 @dataclass(frozen=True)
 class Balanced:
-    """Result of Newton's method: the unknowns, residual and tangent of the pad there, remaining error, and number of
-    iterations.
+    """Result of Newton's method: unknowns, residual and tangent of the pad, remaining error, and number of iterations.
+    ``linearised`` is the last factored tangent, if any; its state is at a ``distance`` in mm from the result.
 
     ``linearised`` is the last factored tangent, if any; its state is at a ``distance`` in mm from the result.
     """
@@ -78,7 +78,7 @@ class Balanced:
 
 
 def singular(failure: RuntimeError) -> Rejected:
-    """The exception for a step whose tangent matrix cannot be factored."""
+    """Create the exception for a step whose tangent matrix is singular and cannot be factored."""
     return Rejected(f"the tangent is singular ({failure})")
 
 

@@ -1,10 +1,10 @@
 """Stability of an equilibrium, also against displacements that break the symmetry of its state.
 
-The tangent of the whole decomposes into blocks, one for each irreducible representation of the mirrors, and the pad is
-stable if each block is. Most states can be shown to be stable at less cost: the pad is cut along planes of symmetry,
-and the pieces are checked alone. Each displacement of the whole pad is a displacement of the pieces, and its energy is
-the sum of their energies; so the pad is stable if all pieces are stable. The pieces have more freedom, and may be
-unstable although the pad is stable: then the blocks are checked.
+The tangent matrix of the whole pad decomposes into blocks, one for each irreducible representation of its planes of
+symmetry. The pad is stable if each block is. Most states can be shown to be stable at less cost: the pad is cut along
+planes of symmetry, and the pieces are checked alone. Each displacement of the whole pad is a displacement of the
+pieces, and its energy is the sum of their energies; so the pad is stable if all pieces are stable. The pieces have more
+freedom, and may be unstable although the pad is stable: then the blocks are checked.
 
 The pieces lose little stiffness. The pressure of the pad acts in a cut, and follows the cut as it deforms: this does
 not change the energy of the whole, as contributions of a piece and its mirror image cancel. Pressures at the nodes of a
@@ -133,7 +133,7 @@ class Stability:
 
 
 class _Pieces:
-    """The pieces of a pad between cuts."""
+    """The pieces into which planes of symmetry cut a pad; used for a sufficient test of stability."""
 
     def __init__(self, model: Model, signs: Sequence[Mapping[Mirror, int]], solver: str | None) -> None:
         self._model = model
@@ -177,7 +177,8 @@ class _Pieces:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """A block of the tangent: that of the displacements of one symmetry type under the mirrors."""
+    """A block of the tangent matrix: that of the displacements of one symmetry type, such as antisymmetric in one
+    plane."""
 
     model: Model
     solver: Solver
@@ -203,7 +204,8 @@ class _Block:
 
 
 def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solver: str | None) -> _Block:
-    """The block with ``signs`` at the walls of a part of the pad of ``model``; a moved plate is fixed."""
+    """Create the block for displacements with the ``signs`` (symmetric or antisymmetric) at the planes that bound a
+    part of the pad. A plate with a prescribed displacement is fixed."""
     fixed_plate, material = model.load.moves_plate, model.assembly.elements.material
     like = model if part is model.part else None
     of_block = Model(part, material, model.load, signs, fixed_plate, like, model.linear)
@@ -211,6 +213,6 @@ def _block(model: Model, part: SymmetricPart, signs: Mapping[Mirror, int], solve
 
 
 def _faces_on(mesh: VolumeMesh, wall: Mirror) -> np.ndarray:
-    """Nodes (F, 6) of the outward-oriented element faces in a mirror's plane that bounds the mesh."""
+    """Nodes (F, 6) of the F element faces in a plane of symmetry that bounds the mesh, oriented outwards."""
     faces = mesh.tets[:, np.array(TET_FACES)].reshape(-1, 6)
     return faces[(wall.side(mesh.points)[faces[:, :3]] == 0).all(axis=1)]

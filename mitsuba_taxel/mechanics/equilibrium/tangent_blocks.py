@@ -64,7 +64,7 @@ class TangentBlock:
         self._solver = make_solver()
 
     def turned(self, mirror: Mirror) -> TangentBlock:
-        """The block of those displacements that a mirror maps to the displacements of this block."""
+        """The block of the mirror images of this block's displacements."""
         return TangentBlock(self._whole, self.model, self._signs, self._images, mirror)
 
     def of_value(self, value: np.ndarray) -> np.ndarray:
@@ -86,13 +86,13 @@ class TangentBlock:
         return field[self.model.part.nodes]
 
     def forces(self, field: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
-        """Component (unknowns,) of this symmetry type of nodal forces (N, 3) on the whole pad, whose part has a
-        ``displacement`` (n, 3); None at rest. Only a plate that rotates needs it."""
+        """Component of nodal forces (N, 3) on the whole pad that has this symmetry type, over the unknowns of the
+        block."""
         return self.model.numbering.summed(self._shares[:, None] * self.of_field(field), displacement)
 
     def displacement(self, rate: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
-        """Rate (N, 3) of the displacement of the whole pad from that of the unknowns, at a ``displacement`` (n, 3) of
-        its part, as for :meth:`forces`."""
+        """Rate (N, 3) of the displacement of the whole pad, from the rate of the unknowns of this block.
+        ``displacement`` (n, 3) is that of the part, as for :meth:`forces`."""
         symmetric_part = self.model.part
         of_part = self.model.numbering.split_rate(rate, displacement)
         return self._image(self._sign * symmetric_part.expand(*of_part)[0])
@@ -192,7 +192,8 @@ class TangentBlock:
 
     @cached_property
     def _shares(self) -> np.ndarray:
-        """Fraction (n,) of each node that belongs to the part: nodes on its walls belong to other parts too."""
+        """Fraction (n,) of each node that belongs to the part. It is below 1 on the planes of symmetry, whose nodes
+        belong to several parts."""
         return np.bincount(self.model.part.source) / self.model.part.copies
 
     @cached_property
@@ -257,8 +258,8 @@ def _block(pad: LoadedPad, part: SymmetricPart, signs: Signs) -> TangentBlock:
 
 
 class _Share(NamedTuple):
-    """The states of a part that belong to a block: the matrices between unknowns of the part and of the block, and the
-    factored tangent of the block."""
+    """Relation of a symmetry block to a larger part of the pad: matrices between the unknowns of both, and the factored
+    tangent of the block."""
 
     spread: sparse.csr_array
     collect: sparse.csr_array
@@ -266,8 +267,8 @@ class _Share(NamedTuple):
 
 
 class SplitTangent:
-    """The tangent at a symmetric state, assembled from its blocks, over the larger part of a ``pad`` that less
-    symmetric states need.
+    """Tangent matrix at a symmetric state, assembled from its symmetry blocks, on a larger part of the pad on which
+    less symmetric states are solved.
 
     Parameters
     ----------
@@ -303,7 +304,7 @@ class SplitTangent:
             self._shares.append(_Share(spread, sparse.csr_array(spread.T / copies), factor(block)))
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """The change of the unknowns for a ``residual``, as in :class:`Linearised`, to the accuracy of the factors."""
+        """Change of the unknowns for a ``residual``, like :meth:`Linearised.step`, to the accuracy of the factors."""
         step = np.zeros_like(residual)
         for spread, collect, factor in self._shares:
             step += spread @ factor.solve_roughly(collect @ residual)
@@ -311,8 +312,8 @@ class SplitTangent:
 
 
 def _over_unknowns(pad: LoadedPad, fields: sparse.csr_array) -> sparse.csr_array:
-    """Linear combinations of the unknowns of a pad, from linear combinations of the displacements and pressures of the
-    whole pad."""
+    """Convert linear combinations of displacements and pressures of the whole pad to linear combinations of the
+    unknowns of ``pad``."""
     numbering, nodes, source = pad.numbering, len(pad.whole.points), pad.part.nodes
     of_whole = [(3 * source[:, None] + np.arange(3)).ravel(), 3 * nodes + source[: pad.part.mesh.corner_count]]
     free = np.flatnonzero(numbering.unknown >= 0)

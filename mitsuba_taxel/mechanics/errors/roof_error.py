@@ -54,7 +54,7 @@ def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
 
 
 def _seen(mesh: VolumeMesh) -> np.ndarray:
-    """Mask (B,) of the faces that reflect light: those of cells or, without cells, the top."""
+    """Mask (B,) of the B surface faces that reflect light: roofs and sides of cells or, without cells, the top."""
     return mesh.face_cell > 0 if mesh.face_cell.any() else mesh.face_region == REGIONS["top"]
 
 
@@ -143,8 +143,8 @@ class RoofComparison:
 
     @cached_property
     def _walls_there(self) -> tuple[np.ndarray, sparse.csr_array]:
-        """The W nodes (W,) on the walls of cells, and the weights (W, N') with which values at the N' nodes of the
-        other mesh are interpolated there."""
+        """Matrix that transfers values to this mesh: the numbers (W,) of its nodes on walls of cells, and the weights
+        (W, N') with which values at the N' nodes of the other mesh are interpolated there."""
         nodes = np.unique(self._mesh.faces[_seen(self._mesh)])
         for mirror in self._images:
             nodes = nodes[mirror.side(self._mesh.points[nodes]) >= 0]
@@ -232,18 +232,19 @@ class RoofComparison:
         return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Amount by which the estimated error along the displacement is below the least stated error, relative to the
-        displacement."""
+        """Part of the smallest stated error that the two meshes do not show: the smallest stated error less the
+        estimated error along the displacement, relative to the displacement."""
         short = self._short(moved, difference)
         return math.copysign(max(self._least - abs(short), 0.0), short)
 
     def _short(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Estimated mean amount by which the displacement of the roofs is too small, relative to the displacement."""
+        """Estimated relative amount by which the mean displacement of the roofs is too small."""
         square = self._weight @ (moved**2).sum(axis=1)
         return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 
     def _normals(self, slopes: Sequence[np.ndarray]) -> np.ndarray:
-        """Unnormalised normals (P, 3) of the deformed roof, from the displacement's slopes along it."""
+        """Normals (P, 3), not of unit length, of the deformed roof at P points, from the derivatives of the
+        displacement along it."""
         return np.cross(*(self._along + slopes))
 
 
@@ -254,7 +255,8 @@ def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_arr
 
 
 def _on_faces(mesh: VolumeMesh, faces: np.ndarray) -> sparse.csr_array:
-    """Weights like those of :func:`_on_roofs`, for the quadrature points of F faces (F, 6) of the mesh itself."""
+    """Interpolation weights, like those of :func:`_on_roofs`, for the quadrature points of the faces (F, 6) of the same
+    mesh."""
     weights = np.stack([shape_functions(_BARYCENTRIC), *shape_slopes(_BARYCENTRIC)])
     shape = (len(weights), len(faces), len(_BARYCENTRIC), faces.shape[1])
     nodes = np.broadcast_to(faces[:, None], shape).ravel()

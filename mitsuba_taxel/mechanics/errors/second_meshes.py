@@ -1,4 +1,4 @@
-"""The error of a load path, from the same path on another mesh."""
+"""Estimated errors of a load path, from the same path on a second mesh."""
 
 from __future__ import annotations
 
@@ -176,8 +176,8 @@ class SecondMeshes:
         return with_reach(path, result, value, displacement, pressure) if path.load.self_contact else result
 
     def _compared_with(self, mesh_size: float, least_ratio: float) -> tuple[PadPath, RoofComparison] | None:
-        """The path on elements of another size, and its comparison; None without such a mesh, or if the actual sizes
-        differ too little."""
+        """Load path with another element size, and its comparison with this path; None if it cannot be meshed, or if
+        the actual element sizes differ too little."""
         path = self._path
         judge = path.judge
         second = judge if judge and judge.mesh_size == mesh_size else path.on_elements(mesh_size)
@@ -253,7 +253,8 @@ def compared(path: PadPath, state: State) -> State:
 
 
 def _comparison(path: PadPath, state: State) -> StateComparison:
-    """Comparison of a state with a second mesh: the comparison of its canonical state, mirrored back."""
+    """Errors of a state from a second mesh. The canonical (mirrored) state is compared, and the errors are mirrored
+    back."""
     with path.lock:
         path = path.bearing(state.value)
         value, mirrors = path.turned(state.value)
@@ -263,7 +264,7 @@ def _comparison(path: PadPath, state: State) -> StateComparison:
 
 
 def _mirrored(path: PadPath, deviate: Callable[[], np.ndarray], mirrors: list[Mirror]) -> np.ndarray:
-    """Deviations (2, N, 3) of the state that ``mirrors`` map to the canonical state."""
+    """Deviations (2, N, 3) of a state, from those of its canonical (mirrored) state, which ``mirrors`` map back."""
     deviations = deviate()
     for mirror in reversed(mirrors):
         deviations = mirror.image(deviations[:, path.images[mirror]])
@@ -297,7 +298,7 @@ def carried_to(
     pressure: np.ndarray,
     moved: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
-    """The state under a load on the elements of a path; under an indenter, the state on another mesh is the first
+    """Solve the state under a load on the elements of a path. Under an indenter, the state on another mesh is the first
     guess.
 
     Without friction a state does not depend on the path that leads to it.
@@ -362,8 +363,8 @@ def carried_to(
 
 
 def _on_path(path: PadPath, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
-    """The canonical state to which the path leads, and the displacement of an indenter under a force; for other loads,
-    the value."""
+    """The canonical state of a load, and the displacement of an indenter under a force; for other loads, the value of
+    the load."""
     state = path.canonical(value, [], None)
     return *state, value if path.load.driven is None else path.driven_to(value, None)
 

@@ -23,7 +23,8 @@ from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class SecondState(NamedTuple):
-    """A state under the same load on elements of another size, and how errors follow from the difference.
+    """The state under the same load on a second mesh, and the factors with which errors follow from differences of both
+    states.
 
     Attributes
     ----------

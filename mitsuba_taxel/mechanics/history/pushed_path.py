@@ -54,8 +54,8 @@ class PushedPath(TimedPath):
         return replace(at, figures=replace(at.figures, seconds=seconds))
 
     def _halved(self, before: TimeState, rows: LoadHistory, whole: TimeState, allowed: float, left: int) -> TimeState:
-        """The pad at the end of the last row, reached by as many equal movements as needed. ``whole`` is the pad after
-        a single movement, ``allowed`` is in mm, and ``left`` is the number of further halvings."""
+        """State of the pad at the end of the last row. The movement of the indenter from the previous row is divided
+        into halves, quarters and so on until its final position changes by less than ``allowed`` in mm."""
         (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
         middle = 0.5 * (before.time + time), tuple(0.5 * (a + b) for a, b in zip(last, force, strict=True))
         before_last = tuple(rows[:-1])
@@ -139,7 +139,7 @@ class PushedPath(TimedPath):
         return free.driven_to(-force[2] * _DOWN, None)
 
     def _pressed(self, rows: LoadHistory, at: TimeState) -> np.ndarray:
-        """Force (3,) of the indenter on the pad in N, at a position."""
+        """Force (3,) of the indenter on the pad in N, at a position of the indenter."""
         return -self._board_force(rows, at)
 
 

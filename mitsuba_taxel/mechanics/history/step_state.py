@@ -15,7 +15,7 @@ from mitsuba_taxel.mechanics.materials.creep import Growth
 
 class PathEnded(Exception):
     """Raised where a load path ends. It carries the ``reason``, the last ``value`` of the load, the ``fraction`` of the
-    interval between two rows that was reached, and the ``contact`` there.
+    interval between two rows that was solved, and the ``contact`` there.
     """
 
     def __init__(self, value: np.ndarray, fraction: float, reason: str, contact: Contact | None = None) -> None:
@@ -24,8 +24,8 @@ class PathEnded(Exception):
 
 
 class StepTooLong(Exception):
-    """Raised where a time step that spans several rows of the load is not accurate enough; a step ``factor`` times as
-    long may be.
+    """Raised if a time step across several rows of the load is not accurate enough. The step should be repeated with
+    ``factor`` times its length.
     """
 
     def __init__(self, factor: float) -> None:

@@ -89,7 +89,7 @@ class MidStep:
 
 @dataclass(frozen=True, eq=False)
 class StepControl:
-    """What the choice of the next time step needs to know of the last one.
+    """Data of the last time step from which the length of the next step is chosen.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class TimeState:
     mid_step: MidStep | None = None
 
     def on_its_way(self, time: float, value: np.ndarray) -> bool:
-        """Whether the load, if it continues at its present rate, has a given value at another time.
+        """Whether the load has a given value at another time if it continues at its present rate.
 
         Parameters
         ----------

@@ -270,7 +270,7 @@ class RowSteps:
         return replace(after, mid_step=self._mid_step(here, after, measures))
 
     def _with_start_velocity(self, here: StepState) -> StepState:
-        """The state at the start, with its velocity if the velocity is needed but not yet known."""
+        """State at the start of the interval; its velocity is computed if it is needed but not yet known."""
         if not (self._leaps and self._duration and here.velocity is None):
             return here
         pad, variables, (value, change) = self._pad, here.variables, self._load
@@ -281,7 +281,7 @@ class RowSteps:
         return self._with_velocity(here, velocity)
 
     def _with_velocity(self, state: StepState, velocity: np.ndarray) -> StepState:
-        """A state with a ``velocity``, and therefore with a rate of its stress."""
+        """Copy of a state with a ``velocity``, and with the rate of stress that follows from it."""
         displacement, moving = (self._pad.numbering.split(field)[0] for field in (state.unknowns, velocity))
         stress_rate = self._pad.model.assembly.elements.isochoric_rate(displacement, moving)
         return replace(state, velocity=velocity, variables=replace(state.variables, rate=stress_rate))
@@ -324,8 +324,8 @@ class RowSteps:
         return PartMidStep(growth, here.velocity, mid_correction, remainder, error, cubic)
 
     def _error_estimate(self, before: StepState | None, here: StepState, after: StepState) -> tuple[float, StepState]:
-        """Relative error of the stress due to the last step, or due to the first two steps, and the state with this
-        error added to its variables."""
+        """Relative error of the stress due to the last step (or the first two steps). Also returns the state, with this
+        error added to its internal variables."""
         pad, variables = self._pad, after.variables
         if not self._material.prony:
             return 0.0, after
@@ -382,7 +382,7 @@ class RowSteps:
 
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
-    """Whether time steps may be longer than the interval between two rows of the load.
+    """Whether a time step may span several rows of the load.
 
     Parameters
     ----------
@@ -418,7 +418,7 @@ def response(load: Load, material: Viscoelastic) -> CreepResponse:
 
 
 def furthest(pad: LoadedPad, to_load: CreepResponse, rate: np.ndarray) -> float:
-    """Length in s of the longest time step that may span several rows of the load.
+    """Largest length in s of a time step across several rows of the load.
 
     Parameters
     ----------

@@ -187,8 +187,8 @@ class TimedPath(TimedStates):
         longer: TimeState,
         closer: TimeState,
     ) -> np.ndarray:
-        """Deviations due to the elements. Deviations due to time steps, to steps of the load, and to the reach of
-        contact are added to the remainder."""
+        """Sum of all deviations of the displacement: those due to elements, and those due to time steps, steps of the
+        load and the reach of contact, which are added to the remainder."""
         displacement = here.shape.displacement
         result = deviations(displacement, on_other.shape.displacement)
         result[1] += (here.shape.deviation + displacement - longer.shape.displacement) / ERROR_SHARE

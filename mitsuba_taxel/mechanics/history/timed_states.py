@@ -89,7 +89,7 @@ class TimedStates:
         self._last: tuple[LoadHistory, tuple[TimeState, StepCubics]] | None = None
 
     def reached(self, rows: LoadHistory) -> TimeState:
-        """The pad at the end of the given rows of the load.
+        """State of the pad at the end of the given rows of the load.
 
         Parameters
         ----------
@@ -159,7 +159,8 @@ class TimedStates:
         )
 
     def _cubics(self, rows: LoadHistory) -> tuple[TimeState, StepCubics]:
-        """The state before the step that leads to the last row or beyond, and the cubic polynomials of that step."""
+        """The state before the last time step, and the cubic polynomials that interpolate within this step. The step
+        ends at the last row or later."""
         if self._last is None or self._last[0] != rows:
             start, end = self._before(rows), self._kept(rows)
             assert end.mid_step is not None
@@ -177,7 +178,7 @@ class TimedStates:
         return shape_within(start, end, cubics, rows[-1][0])
 
     def _solved(self, rows: LoadHistory) -> TimeState:
-        """The last solved state that the given rows need: at the end of the rows, or beyond it."""
+        """The solved state from which the state at the last row follows: at the time of this row, or later."""
         done = len(rows)
         while done and rows[:done] not in self._count and not cache.holds(self._name(rows[:done])):
             done -= 1
@@ -217,7 +218,8 @@ class TimedStates:
         return self._known[rows] if rows in self._known else self._stored(rows)
 
     def _next(self, before: TimeState, rows: LoadHistory) -> TimeState:
-        """The pad at the end of the last row or beyond, from its state at the end of the row before or beyond."""
+        """State of the pad at the end of the last row or later, solved from the state at the end of the previous row or
+        later."""
         (time, row), longest = rows[-1], math.inf
         value, last, duration = np.array(row), rows[-2][0] if len(rows) > 1 else 0.0, rows[-1][0] - before.time
 
@@ -249,7 +251,9 @@ class TimedStates:
         steps: int | None = None,
         beyond: bool = False,
     ) -> TimeState:
-        """The pad after the load has changed to ``value``; ``steps`` is the number of steps under friction.
+        """State of the pad after the load has changed to ``value``; ``steps`` is the number of steps under friction.
+        With ``beyond``, the change ends after the last row: it is a single step, within which states may be
+        interpolated.
 
         If the change leads ``beyond`` the last row, it is a single step, within which states may be interpolated.
         """
@@ -359,7 +363,7 @@ class TimedStates:
         )
 
     def _stacked(self, pad: LoadedPad, unknowns: np.ndarray | None) -> np.ndarray:
-        """Displacements of the whole pad, then its pressures, in one row; NaN for None."""
+        """Displacements of the whole pad, then its pressures, in one vector; NaN if ``unknowns`` is None."""
         if unknowns is None:
             return np.full(1, np.nan)
         displacement, pressure = pad.split(unknowns)

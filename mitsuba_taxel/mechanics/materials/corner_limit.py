@@ -1,4 +1,5 @@
-"""Stability limit of a sharp free corner: the least uniform pressure of constant direction under which it is unstable.
+"""Stability limit of a sharp free corner: the smallest pressure, uniform and of constant direction, under which the
+corner is unstable.
 
 A corner of three right-angled sides, one of which is loaded, has no length scale. Its stress is uniaxial, and
 displacements that are similar at all distances r from it are r^s f(X / r) (V. A. Kondrat'ev, *Trans. Moscow Math. Soc.*
@@ -55,8 +56,8 @@ def _uniaxial(stretch: float, material: Material) -> tuple[np.ndarray, float, fl
     from scipy.optimize import brentq
 
     def state(across: float) -> tuple[np.ndarray, np.ndarray, float]:
-        """The state of uniaxial compression with a given stretch ``across``: deformation gradient, stress of the law,
-        and the pressure that leaves no stress along x.
+        """State under uniaxial compression, with the stretch ``across`` the axis: deformation gradient, stress of the
+        law, and the pressure at which the stress along x is 0.
         """
         gradient = np.diag([across, across, stretch])
         stress = material.stress(*_with_inverse(gradient))
@@ -72,12 +73,14 @@ def _uniaxial(stretch: float, material: Material) -> tuple[np.ndarray, float, fl
 
 
 def _with_inverse(gradient: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The deformation gradient F, det F and F^-T, as the laws need them."""
+    """The deformation gradient F, its determinant, and its inverse transpose F^-T: the arguments of the material laws.
+    """
     return gradient, np.array(np.linalg.det(gradient)), np.linalg.inv(gradient).T
 
 
 def _least_energy(stretch: float, material: Material) -> float:
-    """Least energy of a decade of r over all f of unit size; negative if the corner is unstable."""
+    """Smallest energy, within one decade of the distance r from a corner, of all displacements r^(-1/2) f of unit size.
+    It is negative if the corner is unstable."""
     gradient, _, pressure = _uniaxial(stretch, material)
     state = _with_inverse(gradient)
     moduli = material.moduli(*state, np.array(pressure)).dense()
@@ -93,7 +96,8 @@ def _least_energy(stretch: float, material: Material) -> float:
 
 @kept(1)
 def _functions() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Test functions on the sphere's octant, at its quadrature points.
+    """Test functions on an octant of the unit sphere, for displacements and pressures near a corner, at the quadrature
+    points of the octant.
 
     Weights (q,) of the q points; gradients (n, q, 3) of n orthonormal functions r^(-1/2) f for displacements; and
     values (m, q) of m orthonormal functions r^(-3/2) f of two degrees less for the pressure.

@@ -95,8 +95,8 @@ class CreepResponse:
         return Measures(responding, even if moves else None)
 
     def _growth(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Growth | None:
-        """The response within a step as a growth: projected onto its total change, and scaled so that it grows from 0
-        to 1.
+        """Part of a time step in which the load's response changes, as a :class:`Growth`: the response is projected
+        onto its total change, and scaled so that it grows from 0 to 1. None if nothing changes.
 
         None if nothing changes.
         """
@@ -124,7 +124,7 @@ class Growth:
 
     @classmethod
     def even(cls, duration: float) -> Growth:
-        """The measure that grows in proportion to time, over a step of a ``duration`` in s."""
+        """The measure of time that grows in proportion to time, over a step with a ``duration`` in s."""
         return cls(duration, 1 / duration, np.zeros(0), np.zeros(0))
 
     def rate(self, time: float | np.ndarray) -> np.ndarray:
@@ -144,23 +144,22 @@ class Growth:
         return bool(self.rate(self.duration) * self.duration < LEAST_END)
 
     def time_at(self, fraction: float) -> float:
-        """Time in s at which the measure, if it grows throughout, has the value ``fraction``, by bisection."""
+        """Time in s at which the measure has the value ``fraction``, by bisection. The measure must grow over the whole
+        step."""
         low, high = 0.0, self.duration
         while low < (time := 0.5 * (low + high)) < high:
             low, high = (time, high) if self.at(time) < fraction else (low, time)
         return time
 
     def until(self, time: float) -> Growth:
-        """The measure over the start of the step only, until a ``time`` in s, scaled to 1 there."""
+        """The same measure of time for a shorter step, which ends at a ``time`` in s; it is scaled to 1 there."""
         fraction = float(self.at(time))
         return Growth(time, self.steady / fraction, self.amplitudes / fraction, self.rates)
 
     def moments(self, times: np.ndarray) -> np.ndarray:
-        """How much of a stress that grew within a step has relaxed at its end: integrals (k, 3) of exp(-(time to the
-        end) / tau).
-
-        They are taken over the growth g, over g² and over g³, and are the fractions of such a stress that remain at the
-        end of the step, for the relaxation ``times`` (k,) tau in s.
+        """Fractions (k, 3) of a stress that grew within a step which remain at its end, for k relaxation ``times`` tau
+        in s. They are the integrals of exp(-(time to the end) / tau) over the growth g, over g² and over g³: for
+        stresses that grow as g, g² and g³.
         """
         shortest = np.append(times, 1 / self.rates).min()
         time, remaining, weight = _nodes(self.duration, float(shortest))
@@ -212,7 +211,8 @@ class Measures:
 
     @cached_property
     def _middle(self) -> float:
-        """Value of :meth:`_residual` at half the main measure; 0 if it is larger near an end, or only rounding."""
+        """Value of :meth:`_residual` where the main measure is 1/2; 0 if the residual is larger near an end of the
+        step, or is only a rounding error."""
         if self.second is None or self.main.ends:
             return 0.0
         middle, *near_ends = (self._residual(self.main.time_at(fraction))[0] for fraction in (0.5, 0.1, 0.9))
@@ -235,7 +235,8 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 def _nodes(duration: float, shortest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss quadrature over a step: times since its start, times until its end, and weights, in s.
+    """Gauss quadrature over a time step: times since its start, times until its end, and weights, all in s. Intervals
+    are halved towards both ends until they are much shorter than the ``shortest`` time constant in s.
 
     Intervals halve towards both ends, until they are much shorter than the ``shortest`` time constant in s.
     """

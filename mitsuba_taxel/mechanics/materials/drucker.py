@@ -70,7 +70,8 @@ def require_stable(material: Law, name: str) -> None:
 
 
 def _least_stiffness(material: Law, stretches: np.ndarray) -> np.ndarray:
-    """Least eigenvalue (n,) of the stiffness without change of volume, over all modes, at principal stretches (n,)."""
+    """Smallest eigenvalue (n,) of the stiffness at constant volume, over all modes of deformation, at n principal
+    ``stretches``."""
     logarithm = np.log(stretches)[:, None] * np.ones_like(MODES)
     strains = np.stack([logarithm, logarithm * MODES, -logarithm * (1 + MODES)], axis=-1)
     principal = np.exp(strains)

@@ -91,7 +91,8 @@ class Jet:
         return _UFUNCS[ufunc](_jet(inputs[0]), *inputs[1:])
 
     def _through(self, value: Any, first: Any, second: Any) -> Jet:
-        """f(self) from the value and the derivatives f', f'' of f at ``self.value``."""
+        """Apply a function f to this jet (chain rule), given the value f, and the derivatives f' and f'', at
+        ``self.value``."""
         return Jet(
             value,
             _product(first, self.d1),

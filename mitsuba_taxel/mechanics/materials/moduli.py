@@ -1,4 +1,5 @@
-"""Moduli as sums of few tensors, so that element stiffness does not need 81 components at each point."""
+"""Elastic moduli as sums of products of few tensors, so that element stiffness does not need 81 components at each
+point."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ PAIRS = (_A, _B)
 
 
 def _block_indices(row: np.ndarray, i: np.ndarray, column: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Indices (pairs * 9,) of the 3 x 3 blocks of all pairs in a flattened matrix (nodes * 3, nodes * 3)."""
+    """Indices (pairs * 9,) into a flattened matrix (nodes * 3, nodes * 3): positions of the 3 x 3 blocks of all pairs
+    of nodes."""
     return (3 * NODES * (3 * row[:, None] + i) + 3 * column[:, None] + k).ravel()
 
 
@@ -120,7 +122,8 @@ class Moduli:
         return blocks
 
     def _add_diagonal(self, blocks: np.ndarray, weight: np.ndarray, gradients: np.ndarray) -> None:
-        """Add sum over q, j, l of w B_aj M_jl B_bl to the diagonals of blocks."""
+        """Add the term with the tensor M to element stiffness blocks: the sum over q, j, l of w B_aj M_jl B_bl, on the
+        diagonals of the blocks."""
         if self.inner.ndim == weight.ndim:
             right = (weight * self.inner)[..., None, None] * gradients
         else:
@@ -134,6 +137,7 @@ class Moduli:
 
 
 def _product(factors: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Sum (m, 30 * 30) over factors and points q of the dyads of left and right, each (m, q, 30)."""
+    """Sum (m, 30 * 30) of products of element vectors: for each pair (left, right) of ``factors``, each (m, q, 30), the
+    outer products at the q points are added up."""
     first, second = (side[0] if len(side) == 1 else np.concatenate(side, axis=1) for side in zip(*factors, strict=True))
     return (np.swapaxes(first, 1, 2) @ second).reshape(len(first), -1)

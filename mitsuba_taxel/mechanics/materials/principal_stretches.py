@@ -59,5 +59,6 @@ class PrincipalStretches:
 
     @cached_property
     def _moved(self) -> np.ndarray:
-        """Vectors F N_a = l_a n_a (..., 3, 3), one row for each direction a."""
+        """Images F N_a = l_a n_a of the undeformed principal directions N_a: vectors (..., 3, 3), one row for each
+        direction a."""
         return self.axes @ np.swapaxes(self._gradient, -1, -2)

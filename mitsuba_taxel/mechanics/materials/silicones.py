@@ -42,7 +42,8 @@ class Silicone(Displayed):
 
 
 def _fitted(c10: float, c20: float, misfit: float) -> Silicone:
-    """A fit to a tensile curve of the database; `misfit` is relative to the largest stress fitted."""
+    """Create a silicone from a fit of Yeoh's law to a tensile curve of the database. ``misfit`` is relative to the
+    largest stress in the fit."""
     source = (
         "Yeoh law fitted to the tensile curve of Marechal et al., Soft Robotics, 2020, doi:10.1089/soro.2019.0115, "
         f"up to 50 % strain (root-mean-square misfit {misfit:.1%} of the stress there)"

@@ -41,7 +41,7 @@ _COMPONENTS = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 
 
 def tensors(components: np.ndarray) -> np.ndarray:
-    """Assemble symmetric tensors from their components.
+    """Assemble symmetric tensors (3, 3) from their six components.
 
     Parameters
     ----------
@@ -136,7 +136,8 @@ class Viscoelastic(Displayed):
         return 1 + np.expm1(-np.asarray(time, dtype=float)[..., None] / self.times) @ self.shares
 
     def over(self, step: float) -> Weights:
-        """Factors by which a time step of a duration in s changes the stress of each term of the Prony series."""
+        """Factors by which a time step with a duration ``step`` in s changes the stress of each term of the Prony
+        series."""
         x = np.minimum(step / self.times, LONGEST)
         series = x / 12 - x**2 / 24 + x**3 / 80
         clipped = np.maximum(x, SHORT)
@@ -155,7 +156,7 @@ class Elastic(Viscoelastic):
     softening: Mullins | None = None  # type: ignore[misc]
 
     def __post_init__(self) -> None:
-        """Check nothing: there are no terms."""
+        """Omit the checks of a viscoelastic silicone: there are no relaxing terms."""
 
 
 def checked_terms(prony: object) -> Terms:

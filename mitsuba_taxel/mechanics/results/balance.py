@@ -1,4 +1,5 @@
-"""Balance of the board's reaction and the applied load: a check of a state that is independent of the solver.
+"""Balance of forces on a deformed pad: the reaction of the board and the applied load, computed independently of the
+solver.
 
 Internal forces of the elements are assembled without constraints. In equilibrium they equal the forces of the load at
 the nodes of its surface, those of the board at the nodes glued to it, those of contact, and zero elsewhere.

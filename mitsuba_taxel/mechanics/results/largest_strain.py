@@ -78,7 +78,8 @@ class LargestStrain:
         return float(sum_of_rates - mean_dilatation * (self.value - self._strain[-1]))
 
     def _at_points(self, field: np.ndarray) -> np.ndarray:
-        """Gradient (K, 3, 3) of a field (N, 3) at the averaged quadrature points."""
+        """Gradient (K, 3, 3) of a vector field (N, 3) at the K quadrature points over which the largest strain is
+        averaged."""
         elements, index = np.unique(self._element, return_inverse=True)
         return self._elements.gradient(elements, field)[index, self._point]
 

@@ -107,7 +107,7 @@ class LayerSteps(Checked):
 
     @property
     def is_vertical(self) -> bool:
-        """Whether layers are horizontal."""
+        """Whether the mould is printed along the vertical, so that its layers are horizontal."""
         return is_vertical(_unit(self.direction))
 
     def relief(self, smooth: SmoothSurface) -> Relief:

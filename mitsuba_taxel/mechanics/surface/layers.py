@@ -68,7 +68,8 @@ def is_vertical(direction: np.ndarray) -> bool:
 def _assembled(
     smooth: SmoothSurface, cut: Slices, layer: np.ndarray, fixed: int, move: np.ndarray, step: np.ndarray, first: float
 ) -> Relief:
-    """Pieces moved along the vector ``step`` of one layer, and the risers between them.
+    """Assemble a stepped surface: pieces of walls move along the vector ``step`` of one layer, and risers are added
+    between them.
 
     Parameters
     ----------
@@ -105,8 +106,8 @@ def _assembled(
 
 
 def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles that join the two copies of each edge between pieces that have separated, and for each of them the
-    number of a neighbouring triangle."""
+    """Triangles of the risers: they join the two copies of each edge between pieces that have moved to different
+    levels. Also returns the number of a neighbouring triangle of each."""
     start, end = pieces.ravel(), np.roll(pieces, -1, axis=1).ravel()
     size = int(vertex.max()) + 1
     low, high = np.minimum(vertex[start], vertex[end]), np.maximum(vertex[start], vertex[end])
@@ -123,8 +124,8 @@ def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[
 
 
 def _gaps(vertex: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles between three copies of a vertex, where risers meet an edge that has not moved, and for each of them
-    the number of a neighbouring triangle."""
+    """Triangles that close the gaps where risers meet an edge that has not moved: each joins three copies of a vertex.
+    Also returns the number of a neighbouring triangle of each."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     riser = np.flatnonzero(vertex[start] == vertex[end])
     start, end = start[riser].astype(np.int64), end[riser].astype(np.int64)

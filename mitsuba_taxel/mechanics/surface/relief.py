@@ -91,12 +91,12 @@ class Relief:
 
     @classmethod
     def of_vertices(cls, smooth: SmoothSurface, offset: np.ndarray) -> Relief:
-        """A relief with the triangles of the smooth surface, whose vertices move by ``offset`` (V', 3), in mm."""
+        """Relief with the triangles of the smooth surface, whose vertices are moved by ``offset`` (V', 3) in mm."""
         number = np.arange(len(smooth.vertices))
         return cls(number, number, np.zeros(len(number)), offset, smooth.triangles, np.arange(len(smooth.triangles)))
 
     def then(self, other: Relief) -> Relief:
-        """The relief that results if another relief is applied to the surface of this one."""
+        """Relief that combines two finishes: the other relief is applied to the surface of this one."""
         offset = other.offset + other.between(self.offset)
         return replace(other, offset=offset, parents=self.parents[other.parents], base=self)
 

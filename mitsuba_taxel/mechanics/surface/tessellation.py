@@ -74,7 +74,7 @@ class Surface:
 
     @property
     def shut(self) -> np.ndarray:
-        """Mask (T,): whether no light passes a triangle, as all of its corners touch a package."""
+        """Mask (T,) of the triangles that let no light pass, because all their corners touch a package."""
         return self.touches[self.triangles].all(axis=1)
 
     @property

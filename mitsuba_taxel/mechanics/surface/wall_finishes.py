@@ -1,4 +1,5 @@
-"""Finishes of the walls of a pad: which wall has which finish, what is refused, and the rough surface."""
+"""Surface finishes of the walls of a pad: which wall has which finish, which finishes are refused, and the rough
+surface."""
 
 from __future__ import annotations
 

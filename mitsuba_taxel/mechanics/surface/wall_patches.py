@@ -53,8 +53,8 @@ class WallPatches:
 
     @cached_property
     def pattern(self) -> np.ndarray:
-        """Undeformed lattice points (F, K, 3) in mm, K on each of F faces, in the cell for which the faces are stored;
-        equal cells share them.
+        """Undeformed lattice points (F, K, 3) in mm, K on each of F faces, in the one cell whose faces are stored.
+        Equal cells share them.
         """
         return self._placed(self.walls.points, self.pad)
 

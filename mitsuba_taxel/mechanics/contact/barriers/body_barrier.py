@@ -185,8 +185,8 @@ class BodyBarrier:
 
 
 class _Facets:
-    """The K triangles (K, 3), their S sides (S, 2) and their points, of the pad or of the bodies, and the number of the
-    first of each kind in the collision mesh."""
+    """Points, S sides (S, 2) and K triangles (K, 3) of the surface of the pad or of the bodies. The collision mesh
+    holds both surfaces; the first number of each kind in it is stored too."""
 
     def __init__(self, triangles: np.ndarray, first_point: int, first_side: int, first_triangle: int) -> None:
         sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -194,8 +194,8 @@ class _Facets:
         self._first = {"points": first_point, "sides": first_side, "triangles": first_triangle}
 
     def boxes(self, low: np.ndarray, high: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray, int]]:
-        """Bounding boxes of points, sides and triangles: for each of these keys, lowest and highest corners (n, 3) of n
-        boxes, and the number of the first.
+        """Bounding boxes of the points, sides and triangles. For each of these three keys: lowest corners (n, 3),
+        highest corners (n, 3), and the number of the first item in the collision mesh.
         """
         boxes = {"points": (low, high, self._first["points"])}
         for kind, members in (("sides", self.sides), ("triangles", self.triangles)):
@@ -206,8 +206,8 @@ class _Facets:
 
 
 class _Fixed(NamedTuple):
-    """Bounding boxes of the points, sides or triangles of the bodies, which do not move: search tree, levels, and
-    number of the first."""
+    """Bounding boxes of the points, sides or triangles of the bodies, which do not move: a search tree of boxes, and
+    the number of the first item in the collision mesh."""
 
     tree: BoxTree
     levels: list[Level]

@@ -150,7 +150,8 @@ class ContactTest:
         return None
 
     def _close(self, patches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pairs of faces whose boxes overlap, each pair once, without pairs of two faces that are not tested."""
+        """Pairs of faces whose bounding boxes overlap, each pair once: the numbers of its first and of its second face.
+        Pairs of two untested faces are left out."""
         levels = self._levels(patches)
         if self._chosen.all():
             return self._tree.overlapping(levels)
@@ -204,21 +205,22 @@ class _Neighbours:
         self.pairs = {"vertex": vertex, "edge": edge}
 
     def without(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Those pairs (first[i], second[i]) of two lists of faces whose faces share neither a vertex nor an edge."""
+        """Remove pairs of adjacent faces from a list of pairs: the returned faces of each pair share neither a vertex
+        nor an edge."""
         keys = np.minimum(first, second) * self._count + np.maximum(first, second)
         separate = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
         return first[separate], second[separate]
 
 
 def _common_columns(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Columns of the number that row i of ``first`` (n, 3) and row i of ``second`` (n, 3) have in common: (n,) in
-    ``first`` and (n,) in ``second``."""
+    """Position of the node that two triples of nodes share: for each row i, the column (n,) of that node in ``first``
+    (n, 3), and its column (n,) in ``second`` (n, 3)."""
     i, j = np.divmod((first[:, :, None] == second[:, None]).reshape(-1, 9).argmax(axis=1), 3)
     return i, j
 
 
 def _rotated(faces: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Nodes (n, 6) of n faces, with the corners and edges of each counted from its corner ``first`` (n,)."""
+    """Nodes (n, 6) of n faces, renumbered cyclically so that the corner ``first`` (n,) of each face comes first."""
     corners = (first[:, None] + np.arange(3)) % 3
     return np.take_along_axis(faces, np.concatenate([corners, 3 + corners], axis=1), axis=1)
 
@@ -262,8 +264,8 @@ class _Obstacles:
 
 
 def _free_below(points: np.ndarray, patches: np.ndarray) -> np.ndarray:
-    """Mask (K,): whether a ray from each of K ``points`` (3, K) down along z certainly meets no patch, so that the
-    point is outside."""
+    """Mask (K,): True for each of K ``points`` (3, K) below which there is certainly no surface patch. Such a point
+    is outside."""
     low, high = patches.min(axis=1)[:, None], patches.max(axis=1)[:, None]
     x, y, z = points[:, :, None]
     beside = (x < low[0]) | (x > high[0]) | (y < low[1]) | (y > high[1])

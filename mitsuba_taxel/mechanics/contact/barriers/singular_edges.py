@@ -72,7 +72,7 @@ def judged_nodes(mesh: VolumeMesh) -> np.ndarray:
     Returns
     -------
     (N,) ndarray of bool
-        One value of each node.
+        True for a node at which elements must not be inverted.
     """
     walls = np.isin(mesh.face_region, [REGIONS["roof"], REGIONS["side"]])
     judged = np.zeros(len(mesh.points), dtype=bool)

@@ -61,8 +61,8 @@ class File(IndenterShape, name="file", rank=4):
         return distance.spacing * math.sqrt(len(distance.footprint(depth)) / (2 * math.pi))
 
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances of points from the contact area, because the pressure under a body from a file may be steep
-        anywhere in it.
+        """Distances of points from the contact area, in mm. The pressure under a body from a file may be steep anywhere
+        in the contact area, so elements are refined in all of it.
         """
         footprint = self.solid.distance.footprint(depth)
         if not len(footprint):

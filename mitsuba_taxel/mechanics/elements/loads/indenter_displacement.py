@@ -1,4 +1,4 @@
-"""A displacement of a rigid indenter."""
+"""Load by a prescribed displacement of a rigid indenter."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ USES = ("indenter", *POSITION, "friction")
 
 @dataclass(frozen=True)
 class IndenterDisplacement(Load, name="indenter_displacement", rank=5):
-    """A displacement of a rigid indenter, which does not rotate."""
+    """Load by a prescribed displacement of a rigid indenter, which does not rotate."""
 
     indenter: Indenter = field()  # type: ignore[misc]
 

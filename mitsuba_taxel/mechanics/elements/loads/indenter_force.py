@@ -1,4 +1,4 @@
-"""A force on a rigid indenter."""
+"""Load by a force on a rigid indenter."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class IndenterForce(Load, name="indenter_force", rank=6):
 
     @property
     def driven(self) -> IndenterDisplacement:
-        """Load that prescribes the displacement of the same indenter. The depth under a force is that at which the
+        """Load that prescribes the displacement of the same indenter. It is used to find the depth at which the
         reaction equals the force."""
         return IndenterDisplacement(self.indenter, self_contact=self.self_contact)
 

@@ -162,7 +162,7 @@ class Load(Kind, family="load"):
 
     @property
     def where(self) -> str:
-        """The loaded region in words, for messages."""
+        """Name of the loaded region for messages, such as "on a corner of the top"."""
         return "the top"
 
     def check(self, value: Sequence[float] | np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""A force on a rectangle of the top."""
+"""Load by a force on a rectangle of the top."""
 
 from __future__ import annotations
 
@@ -78,7 +78,8 @@ class PatchForce(DeadForce, name="patch_force", rank=1):
 
 
 def _clipped_moments(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Integrals (6,) of a triangle's quadratic shape functions over its part between ``low`` and ``high`` (x, y)."""
+    """Integrals (6,) of the six quadratic shape functions of a triangle over its part within a rectangle, whose corners
+    are ``low`` and ``high`` (x, y)."""
     polygon = corners
     for axis in range(2):
         for limit, sign in ((low[axis], 1), (high[axis], -1)):
@@ -98,7 +99,8 @@ def _clipped_moments(corners: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
 
 
 def _clipped(polygon: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """The region of a convex polygon (n, 2) where ``inside`` (n,), linear along its edges, is not negative."""
+    """Part of a convex polygon with vertices (n, 2) in which a linear function is not negative; ``inside`` (n,)
+    contains its values at the vertices."""
     vertices = []
     for k in range(len(polygon)):
         before, after = inside[k - 1], inside[k]

@@ -1,4 +1,4 @@
-"""A displacement of a rigid plate."""
+"""Load by a prescribed displacement of a rigid plate on the top."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mitsuba_taxel.mechanics.elements.loads.load import Load
 
 @dataclass(frozen=True)
 class PlateDisplacement(Load, name="plate_displacement", rank=3):
-    """A displacement of a rigid plate bonded to the top, which does not rotate."""
+    """Load by a prescribed displacement of a rigid plate that is bonded to the top and does not rotate."""
 
     meaning = "of such a plate"
     quantity = "displacement"

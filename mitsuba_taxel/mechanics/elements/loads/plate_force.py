@@ -1,4 +1,4 @@
-"""A force on a rigid plate."""
+"""Load by a force on a rigid plate on the top."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A force and a moment on a rigid plate that may tilt."""
+"""Load by a force and a moment on a rigid plate that may tilt."""
 
 from __future__ import annotations
 

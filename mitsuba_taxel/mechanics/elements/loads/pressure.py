@@ -1,4 +1,4 @@
-"""A pressure of a fluid."""
+"""Load by the pressure of a fluid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A force on the whole top."""
+"""Load by a force that is spread over the whole top."""
 
 from __future__ import annotations
 

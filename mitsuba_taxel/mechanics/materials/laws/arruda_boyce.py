@@ -1,4 +1,4 @@
-"""A law of eight chains that lock."""
+"""The eight-chain material law of Arruda and Boyce, whose chains stiffen towards their full length."""
 
 from __future__ import annotations
 

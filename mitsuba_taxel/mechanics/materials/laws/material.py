@@ -127,7 +127,8 @@ class Material(Kind, Checked, Displayed, Fitted, family="material"):
         self._check()
 
     def _check(self) -> None:
-        """Refuse an inadmissible material whose parameters are finite; laws may extend this check."""
+        """Raise `InputError` for an inadmissible material, such as one without shear stiffness. Laws may extend this
+        check."""
         self._require("shear_modulus", self.shear_modulus > 0, "a finite number above 0 is needed")
 
     def _require(self, name: str, condition: bool, needed: str) -> None:
@@ -277,7 +278,8 @@ class Material(Kind, Checked, Displayed, Fitted, family="material"):
 
 
 def _combination(w1: Any, w2: Any, invariants: IsochoricInvariants) -> np.ndarray:
-    """w1 dI1/dF + w2 dI2/dF, (..., 3, 3); weights (...), ``None`` for zero."""
+    """Weighted sum w1 dI1/dF + w2 dI2/dF (..., 3, 3) of the derivatives of both invariants, with weights (...); a
+    weight ``None`` means zero."""
     total = np.zeros_like(invariants.gradient)
     if w1 is not None:
         total += np.asarray(w1)[..., None, None] * invariants.first_derivative

@@ -1,4 +1,4 @@
-"""A law of both invariants."""
+"""The material law of Mooney and Rivlin, which depends on both strain invariants."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The law of Gaussian chains."""
+"""The neo-Hookean material law, from a network of Gaussian chains."""
 
 from __future__ import annotations
 

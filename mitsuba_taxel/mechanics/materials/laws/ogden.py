@@ -1,4 +1,4 @@
-"""A law of principal stretches."""
+"""Ogden's material law, a function of the principal stretches."""
 
 from __future__ import annotations
 
@@ -113,7 +113,8 @@ class Ogden(Material, name="ogden", rank=5):
         )
 
     def _stress_and_slope(self, logarithms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Deviatoric Kirchhoff stresses t_a, and derivatives of l w'(l) by ln l, (..., 3) each."""
+        """Principal deviatoric Kirchhoff stresses t_a (..., 3) in MPa at isochoric logarithmic strains (..., 3), and
+        the derivatives (..., 3) of l w'(l) with respect to ln l."""
         value, slope = np.zeros_like(logarithms), np.zeros_like(logarithms)
         for mu, alpha in self.terms:
             value += 2 * mu / alpha * np.expm1(alpha * logarithms)
@@ -121,7 +122,8 @@ class Ogden(Material, name="ogden", rank=5):
         return value - value.mean(axis=-1, keepdims=True), slope
 
     def _quotient(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        """(t_a - t_b) / (l_a / l_b - l_b / l_a) from the isochoric logarithms of both stretches."""
+        """Shear modulus between two principal directions, (t_a - t_b) / (l_a / l_b - l_b / l_a), from the isochoric
+        logarithms of both stretches."""
         difference = first - second
         equal = np.abs(difference) < 1e-150
         difference = np.where(equal, 1.0, difference)

@@ -1,4 +1,4 @@
-"""A law that stiffens at large strain."""
+"""Yeoh's material law, which can stiffen at large strains."""
 
 from __future__ import annotations
 
