@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from mitsuba_taxel import Scene
+from mitsuba_taxel.geometry.mirror import ACROSS_DIAGONAL, ACROSS_X
 from mitsuba_taxel.sensing.derivatives import diffuse_derivatives as derivatives
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 from mitsuba_taxel.sensing.diffuse.deterministic_light import FINE
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
-from mitsuba_taxel.sensing.diffuse.equal_cells import equal_at_rest, equal_cells
+from mitsuba_taxel.sensing.diffuse.equal_cells import _near_images, equal_at_rest, equal_cells
 
 
 def pair(rows, columns, force):
@@ -64,6 +65,18 @@ def test_cells_are_not_equal_whose_packages_scatter_differently(llvm_mono, force
     cells = DiffuseCells(Scene(scene).load())
     found = equal_cells(cells, cells.pad.state, [cells.pad.state.displacement]) if any(force) else equal_at_rest(cells)
     assert found == ([0, 0] if equal else [0, 1])
+
+
+def test_only_cells_at_mirror_images_are_compared():
+    """Of a grid of points that a diagonal maps to itself, each has one image; others are not candidates."""
+    side = np.linspace(-3, 3, 7)
+    points = np.stack([*np.meshgrid(side, side, indexing="ij"), np.full((7, 7), 0.5)], axis=-1).reshape(-1, 3)
+    order = np.random.default_rng(0).permutation(len(points))
+    for mirror, image in ((ACROSS_X, lambda x, y: (-x, y)), (ACROSS_DIAGONAL, lambda x, y: (y, x))):
+        found = _near_images(mirror, list(points[order] * (1 + 3e-8)))
+        for (x, y, _), candidates in zip(points[order], found, strict=True):
+            (number,) = candidates
+            assert tuple(points[order[number], :2]) == pytest.approx(image(x, y), abs=1e-12)
 
 
 def test_equal_cells_have_the_derivatives_that_each_has_alone(monkeypatch):

@@ -7,6 +7,9 @@ Its mean over the most strained fraction of the volume is the integral of an int
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 
 from mitsuba_taxel.base.caches import kept
@@ -15,6 +18,8 @@ from mitsuba_taxel.mechanics.elements.elements import Elements
 
 SHARE = 0.01
 """Fraction of the volume of the undeformed silicone over which the largest strains are averaged."""
+BLOCK = 2**14
+"""Number of elements that are evaluated together; each takes 9 kB. Smaller meshes are one block, which is cached."""
 _elements = kept(1)(Elements)  # consecutive states of a study share their mesh
 
 
@@ -33,19 +38,24 @@ class LargestStrain:
     """
 
     def __init__(self, state: State) -> None:
-        self._elements = _elements(state.mesh, state.material)
-        gradients = self._elements.gradient(slice(None), state.displacement)
-        gradient = gradients + np.eye(3)
-        squared = np.swapaxes(gradient, -1, -2) @ gradient
-        order = np.argsort(-_largest_eigenvalue(squared), axis=None, kind="stable")
-        weight = self._elements.weight.ravel()[order]
+        self._mesh, self._material = state.mesh, state.material
+        squares, weights = [], []
+        for elements in self._blocks():
+            gradient = elements.gradient(slice(None), state.displacement) + np.eye(3)
+            squares.append(_largest_eigenvalue(np.swapaxes(gradient, -1, -2) @ gradient))
+            weights.append(elements.weight)
+        largest, self._weights = np.concatenate(squares), np.concatenate(weights)
+        order = np.argsort(-largest, axis=None, kind="stable")
+        weight = self._weights.ravel()[order]
         self._volume = float(weight.sum())
         needed = SHARE * self._volume - (np.cumsum(weight) - weight)
         count = int(np.count_nonzero(needed > 0))
         self._weight = np.minimum(weight, needed)[:count]
-        self._element, self._point = at = np.unravel_index(order[:count], squared.shape[:2])
-        values, axes = np.linalg.eigh(squared[at])
-        self._strain, self._moved, self._axis = np.sqrt(values[:, -1]) - 1, gradients[at], axes[..., -1]
+        self._element, self._point = np.unravel_index(order[:count], largest.shape)
+        self._moved = self._at_points(state.displacement)
+        gradient = self._moved + np.eye(3)
+        values, axes = np.linalg.eigh(np.swapaxes(gradient, -1, -2) @ gradient)
+        self._strain, self._axis = np.sqrt(values[:, -1]) - 1, axes[..., -1]
         self.value = float(self._weight @ self._strain) / (SHARE * self._volume)
 
     def rate(self, displacement: np.ndarray, velocity: np.ndarray) -> float:
@@ -66,10 +76,11 @@ class LargestStrain:
         float
             Derivative of the strain per unit of the parameter.
         """
-        dilatation = np.zeros_like(self._elements.weight)
+        dilatation = np.zeros_like(self._weights)
         if velocity.any():
-            dilatation = np.trace(self._elements.gradient(slice(None), velocity), axis1=-2, axis2=-1)
-        mean_dilatation = float((self._elements.weight * dilatation).sum()) / self._volume
+            gradients = (elements.gradient(slice(None), velocity) for elements in self._blocks())
+            dilatation = np.concatenate([np.trace(gradient, axis1=-2, axis2=-1) for gradient in gradients])
+        mean_dilatation = float((self._weights * dilatation).sum()) / self._volume
         change, velocity_gradient = (self._at_points(field) for field in (displacement, velocity))
         deformed_axis = ((np.eye(3) + self._moved) @ self._axis[:, :, None])[..., 0] / (1 + self._strain)[:, None]
         rates = np.einsum("pi,pij,pj->p", deformed_axis, change - self._moved @ velocity_gradient, self._axis)
@@ -80,8 +91,21 @@ class LargestStrain:
     def _at_points(self, field: np.ndarray) -> np.ndarray:
         """Gradient (K, 3, 3) of a vector field (N, 3) at the K quadrature points over which the largest strain is
         averaged."""
-        elements, index = np.unique(self._element, return_inverse=True)
-        return self._elements.gradient(elements, field)[index, self._point]
+        used, index = np.unique(self._element, return_inverse=True)
+        if len(self._mesh.tets) <= BLOCK:
+            return _elements(self._mesh, self._material).gradient(used, field)[index, self._point]
+        mesh = replace(self._mesh, tets=self._mesh.tets[used])
+        return Elements(mesh, self._material).gradient(slice(None), field)[index, self._point]
+
+    def _blocks(self) -> Iterator[Elements]:
+        """The elements of the mesh in blocks, one at a time: those of a whole large pad would take more memory than its
+        solution, of which symmetric parts share the elements."""
+        count = len(self._mesh.tets)
+        if count <= BLOCK:
+            yield _elements(self._mesh, self._material)
+            return
+        for first in range(0, count, BLOCK):
+            yield Elements(replace(self._mesh, tets=self._mesh.tets[first : first + BLOCK]), self._material)
 
 
 def _largest_eigenvalue(matrices: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.pads import Pad
@@ -52,8 +53,9 @@ def equal_cells(
         bounds = [(field, EQUAL) for field in fields] + [(field, ALIKE) for field in errors]
         if not all(_close(mirror.image(field[image]), field, bound) for field, bound in bounds):
             continue
+        candidates = _near_images(mirror, [taxel.led.points.mean(axis=0) for taxel in cells.taxels])
         for number, taxel in enumerate(cells.taxels):
-            for earlier in range(number):
+            for earlier in (other for other in candidates[number] if other < number):
                 equal = cells.taxels[earlier]
                 ends = (taxel.led, equal.led), (taxel.phototransistor, equal.phototransistor)
                 if (
@@ -101,6 +103,14 @@ def equal_at_rest(cells: DiffuseCells) -> list[int]:
                 first[number] = first[earlier]
                 break
     return first
+
+
+def _near_images(mirror: Mirror, points: Sequence[np.ndarray]) -> list[list[int]]:
+    """For each of n points (3,), the ascending indices of those points whose mirror image lies near it. A search in a
+    tree replaces the comparison of all pairs, whose number grows with the square of n."""
+    images = mirror.image(np.array(points))
+    radius = 2 * EQUAL * float(np.abs(images).max())
+    return [sorted(near) for near in cKDTree(images).query_ball_point(np.array(points), radius, p=np.inf)]
 
 
 def _shifted(shift: np.ndarray, end: End, origin: End, bound: float) -> bool:

@@ -8,6 +8,7 @@ import pytest
 from mitsuba_taxel import Pad
 from mitsuba_taxel.mechanics import NeoHookean, State, load_path
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE
+from mitsuba_taxel.mechanics.results import largest_strain
 from mitsuba_taxel.mechanics.results.largest_strain import SHARE, LargestStrain
 
 SILICONE = NeoHookean(4.16, 0.49)
@@ -41,6 +42,23 @@ def test_a_linear_strain_counts_by_its_most_strained_part(block):
     found = moved(mesh, displacement)
     assert found.value == pytest.approx((1 - SHARE / 2) / 2, rel=0.02)
     assert found.rate(displacement, 0 * displacement) == pytest.approx(found.value, rel=1e-12)
+
+
+def test_blocks_of_a_large_mesh_give_the_same(block, monkeypatch):
+    """The strain of x / 2 again, with all of its rates, by blocks of which the last is not full."""
+    mesh = block(cells=(12, 2, 2))
+    displacement = np.zeros_like(mesh.points)
+    displacement[:, 0] = mesh.points[:, 0] ** 2 / 4
+
+    def results():
+        found = moved(mesh, displacement)
+        return found.value, found.rate(displacement, 0 * displacement), found.rate(0 * displacement, mesh.points)
+
+    whole = results()
+    monkeypatch.setattr(largest_strain, "BLOCK", len(mesh.tets) // 3 + 1)
+    np.testing.assert_allclose(results(), whole, rtol=1e-13)
+    assert whole[0] == pytest.approx((1 - SHARE / 2) / 2, rel=0.02)
+    assert whole[2] == pytest.approx(-whole[0], rel=1e-12)  # u / X with X growing as exp(t)
 
 
 def test_smaller_elements_do_not_change_it():
