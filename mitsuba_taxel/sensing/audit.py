@@ -148,14 +148,14 @@ def energy_audit(
 
 
 def _silent(done: int, total: int) -> None:
-    """Default progress function, which does nothing."""
+    """Replacement for a progress function; does nothing."""
 
 
 def _trace_all(
     scene, pairs: list[TaxelPair], surfaces: _Surfaces, points: int, seed: int, limit: int, progress
 ) -> tuple[np.ndarray, int]:
-    """Power (R, P) in W that ends at each of P places after at most ``limit`` reflections, for each of R replicates;
-    and the number of points of each LED and replicate."""
+    """Trace paths from all LEDs. Returns the power (R, P) in W that ends at each of P places after at most ``limit``
+    reflections, for each of R replicates, and the number of points of each LED and replicate."""
     sampler = make_plugin("owen_sobol", sample_count=points)
     points = sampler.sample_count()
     sums = dr.zeros(mi.Float64, REPLICATES * (len(surfaces.places) + len(ENDS)))
@@ -189,7 +189,8 @@ def _trace(
     limit: int,
     sums: mi.Float64,
 ) -> None:
-    """Add to ``sums`` the power in W of a path from an LED of ``pair`` for each entry of ``sequence``."""
+    """Trace a path from an LED of ``pair`` for each entry of ``sequence``, and add the power in W that ends at each
+    place to ``sums``."""
     index = sequence % dr.opaque(mi.UInt32, pair.count)
     replicate = sequence // dr.opaque(mi.UInt32, pair.count)
     first_end = len(surfaces.places)

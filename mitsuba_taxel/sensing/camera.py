@@ -187,7 +187,7 @@ def _replicates(
     run: int,
     progress: Callable[[int, int], None] | None,
 ) -> np.ndarray:
-    """Independent images (R, H, W, C); their seeds are derived from ``seed`` and ``run``."""
+    """Render independent images (R, H, W, C) of a camera; the seed of each follows from ``seed`` and ``run``."""
     import mitsuba as mi
 
     width, height = map(int, camera.film().crop_size())
@@ -222,7 +222,7 @@ def _relative_error(radiance: np.ndarray, standard_error: np.ndarray, coat: np.n
 
 
 def power_of_four(count: int) -> int:
-    """The least power of four that is at least ``count``.
+    """Round up to a power of four.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""What a camera sees: the coat at each pixel, its depth, displacement and contact pressure, without any light."""
+"""View of a camera without light: for each pixel, the visible point of the pad's coat, with its depth, displacement and
+contact pressure."""
 
 from __future__ import annotations
 
@@ -35,7 +36,7 @@ MOST_SURFACES = 16
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What a camera sees, at the centre of each pixel of an image, H pixels high and W wide.
+    """View of a camera: quantities at the centre of each pixel of an image, H pixels high and W wide.
 
     Attributes
     ----------
@@ -61,7 +62,7 @@ class View:
 
 
 def view_of(scene: mi.Scene) -> View:
-    """What the camera of a scene sees; nothing is rendered.
+    """Compute the view of a scene's camera; no light is traced.
 
     Parameters
     ----------
@@ -71,7 +72,7 @@ def view_of(scene: mi.Scene) -> View:
     Returns
     -------
     View
-        The camera, and what it sees.
+        The camera, and depth, coat, displacement and contact pressure at each pixel.
 
     Raises
     ------
@@ -147,10 +148,12 @@ def _refuse_large(width: int, height: int) -> None:
 
 
 def _view(scene: mi.Scene, camera: mi.Sensor) -> View:
-    """What a camera sees.
+    """Trace a ray through the centre of each pixel of a camera. Rays pass through surfaces that only transmit light,
+    and are refracted there.
 
     Rays pass through surfaces that only transmit light, and are refracted there. `InputError` is raised if no pixel
-    shows the coat."""
+    shows the coat.
+    """
     import drjit as dr
     import mitsuba as mi
 
@@ -230,5 +233,5 @@ def _on_surface(pad: PadShape, triangle: np.ndarray, points: np.ndarray) -> tupl
 
 
 def _placed(vertices: np.ndarray, to_world: np.ndarray) -> np.ndarray:
-    """Vertices (V, 3) in the coordinates of the scene."""
+    """Transform vertices (V, 3) of a pad to the coordinates of the scene."""
     return np.einsum("vi,ji->vj", vertices, to_world[:3, :3]) + to_world[:3, 3]

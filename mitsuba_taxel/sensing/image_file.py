@@ -170,7 +170,8 @@ def read_image_facts(file: str | os.PathLike[str]) -> dict[str, Any]:
 
 @contextmanager
 def _opened(file: str | os.PathLike[str], **how: bool) -> Iterator[tuple[dict[str, Any], Any]]:
-    """Open an OpenEXR file for reading: its header and the file. Errors while it is read are an `InputError`."""
+    """Context manager: open an OpenEXR file for reading, and provide its header and the file. Errors while it is read
+    become an `InputError`."""
     import OpenEXR
 
     if not is_file(Path(file)):  # OpenEXR would print a line of its own
@@ -183,7 +184,7 @@ def _opened(file: str | os.PathLike[str], **how: bool) -> Iterator[tuple[dict[st
 
 
 def white_level(*images: CameraImage) -> float:
-    """Radiance that is white in pictures of these images: the largest of their percentiles `BRIGHTEST`.
+    """Radiance that is shown as white in pictures of these images: the largest of their percentiles `BRIGHTEST`.
 
     Parameters
     ----------
@@ -219,10 +220,10 @@ def write_picture(image: CameraImage, file: Path, white: float) -> None:
 
 
 def _stacked(channels: Mapping[str, np.ndarray], prefix: str, names: str) -> np.ndarray:
-    """Channels with a prefix, as one array (H, W, C)."""
+    """Combine the channels with a prefix, such as ``depth``, to one array (H, W, C)."""
     return np.stack([channels[f"{prefix}{name}"] for name in names], axis=-1)
 
 
 def _colours(image: CameraImage) -> str:
-    """Names of the colour channels."""
+    """Names of the colour channels of an image: R, G and B, or Y."""
     return "RGB" if image.radiance.shape[-1] == 3 else "Y"

@@ -243,8 +243,8 @@ def measured(
 
 
 def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanics_error: bool) -> Readings:
-    """The readings of a prepared scene as an object: powers from the random paths of ``run``, or those already computed
-    without random numbers."""
+    """Create the :class:`Readings` of a prepared scene: from the random paths of ``run``, or from powers already
+    computed without random numbers."""
     ready, errors = prepared.ready, prepared.errors
     powers = run.powers if errors.power is None else np.tile(errors.power, (REPLICATES, 1))
     if not np.all(np.isfinite(powers)):
@@ -467,7 +467,7 @@ def _remarks(result: Readings, light_error: float | None, target_error: float | 
 
 
 def _in_words(error: float) -> str:
-    """A relative error as text: two digits, or ``unknown``."""
+    """Text of a relative error: two digits, or ``unknown``."""
     return f"{error:.2g}" if math.isfinite(error) else "unknown"
 
 

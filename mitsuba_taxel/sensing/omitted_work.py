@@ -79,7 +79,7 @@ def left_out(
 
 
 def _of_pad(pad: PadShape) -> Iterator[str]:
-    """Lines on computations omitted in the mechanics of one pad."""
+    """Lines of text on computations that are omitted in the mechanics of one pad."""
     if not pad.is_loaded:
         yield "pad without load: no error of the mechanics to estimate"
         if pad.mesh_tolerance is None:
@@ -126,7 +126,7 @@ def _all_kept_before(began: float) -> bool:
 
 
 def _of_cells(pads: Sequence[PadShape], pairs: list[TaxelPair]) -> Iterator[str]:
-    """Lines on cells of pads that are coarsely triangulated, or not traced."""
+    """Lines of text on cells of pads whose walls are divided into coarse triangles, or are not traced."""
     cells = [set(np.unique(pad.state.mesh.face_cell)) - {0} for pad in pads]
     total = sum(map(len, cells))
     coarse = sum(len(all_ - set(pad.read_cells or all_)) for pad, all_ in zip(pads, cells, strict=True))
@@ -149,7 +149,7 @@ def _middle(pad: PadShape, cell: int) -> np.ndarray:
 
 
 def _of_paths(ready: Prepared, pairs: list[TaxelPair]) -> Iterator[str]:
-    """Lines on where light paths end, and which paths are not sampled."""
+    """Lines of text on the surfaces where light paths end, and on paths that are not sampled."""
     scene, integrator = ready.scene, ready.integrator
     surfaces = [surface for shape in scene.shapes() for surface in _surfaces(shape)]
     absorbing = dict.fromkeys(name for name, wall, _ in surfaces if absorbs(wall))

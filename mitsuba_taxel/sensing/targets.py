@@ -342,7 +342,7 @@ def prepare_for(
 
 
 def _timed(scene: AnyScene) -> tuple[Prepared, float]:
-    """Prepare a scene; returns it with the seconds that its preparation takes without cached solutions."""
+    """Prepare a scene without cached solutions. Returns the prepared scene and the seconds that this takes."""
     with stages.record() as seconds:
         ready = prepare(scene)
         with stages.stage("mechanics"):
@@ -493,11 +493,11 @@ def points_for(
 
 
 def _safety(powers: np.ndarray) -> float:
-    """Safety factor for the predicted error of the worst taxel, reduced by the bias that the largest of several
-    estimated errors has.
+    """Safety factor for the error that a pilot run predicts for the worst taxel. It is smaller for many taxels, because
+    the largest of several estimated errors is biased upwards.
 
-    The largest of T numbers that scatter about a mean exceeds it by about Phi^-1((T - 3/8) / (T + 1/4)) times their
-    standard deviation (G. Blom, Statistical Estimates and Transformed Beta-Variables, 1958).
+    The largest of T numbers exceeds their mean by about Phi^-1((T - 3/8) / (T + 1/4)) times their standard deviation
+    (G. Blom, Statistical Estimates and Transformed Beta-Variables, 1958).
     """
     lit = max(int(np.count_nonzero(powers.mean(axis=0) > 0)), 1)
     return _SAFETY - _SCATTER * NormalDist().inv_cdf((lit - 0.375) / (lit + 0.25))

@@ -96,7 +96,8 @@ def title(scene: Scene) -> str:
 def _with_pads(
     scene: Scene, pads: Sequence[PadRequest], seconds: float, starting: Callable[[str], None]
 ) -> list[ErrorCurve]:
-    """Curves of the mechanics, and of the whole chain from force to reading, for a scene with loaded pads."""
+    """Curves of error against time for a scene with loaded pads: of the mechanics alone, and of the whole chain from
+    force to reading."""
     # Solutions by mesh size, and readings in the limit of small elements, at the load and at a smaller load.
     nearby = near_load(scene)
     try:

@@ -147,7 +147,7 @@ def chain_curves(
 
 
 def _timed(scene: Scene, target: float, seconds: float) -> tuple[Readings, float]:
-    """Compute a reading to a target error without cached light; returns it with its CPU seconds."""
+    """Compute a reading to a target error without cached light. Returns the reading and its CPU seconds."""
     clear_caches(kept_cell)
     start = now()
     readings = measure(scene, target_error=target, time_budget=seconds)
@@ -196,8 +196,8 @@ def reading_point(
 def _slope_point(
     readings: Readings, nearby: Readings, step: float, seconds: float, target: float, slope: TruthEstimate
 ) -> WorkPoint:
-    """True and stated errors of slopes, relative to the root mean square of all slopes, because single slopes may be
-    nearly 0."""
+    """Point of the diagram for slopes: their true and stated errors. Errors are relative to the root mean square of all
+    slopes, because single slopes may be nearly 0."""
     value = (readings.power - nearby.power) / step
     light = standard_error((readings.replicates - nearby.replicates) / step)
     # The error of the mechanics is nearly the same in both readings, and cancels.

@@ -117,8 +117,8 @@ def _open(live: Any, mesh_size: float | None) -> list[PadShape]:
 
 
 class SizeRuns(NamedTuple):
-    """Computed readings by mesh size in mm, the mesh size of their reference in mm, and the reason why smaller elements
-    were not solved.
+    """Readings of a scene by mesh size in mm, the mesh size of their reference in mm, and the reason why smaller
+    elements were not solved.
     """
 
     solved: dict[float, UncachedReadings]
@@ -278,8 +278,8 @@ def tolerance_errors(solved: Mapping[float, UncachedReadings], strict: FineMeshL
 
 
 def _point(setting: str, run: UncachedReadings, limit: FineMeshLimit, stated_error: float, reference: str) -> WorkPoint:
-    """Point of a reading and its error. The reading shares its random numbers with the limit, so that the noise of the
-    light cancels in the error."""
+    """Point of the diagram for a reading: its time, and its true and stated error. Its random numbers are those of the
+    limit, so that the noise of the light cancels in the error."""
     power = limit.truth.power
     difference = run.readings.replicates - limit.replicates
     return WorkPoint(
@@ -325,7 +325,7 @@ def solve(
 
 @contextmanager
 def from_nothing() -> Iterator[None]:
-    """Start all caches of solutions empty within the block, on disk and in memory."""
+    """Context manager: within the block, caches of solutions are empty at first, on disk and in memory."""
     kept = os.environ.get("MITSUBA_TAXEL_CACHE")
     with tempfile.TemporaryDirectory() as folder:
         os.environ["MITSUBA_TAXEL_CACHE"] = folder

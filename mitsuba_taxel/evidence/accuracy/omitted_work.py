@@ -58,7 +58,8 @@ def _solve_the_whole_pad() -> None:
 
 
 def _solve_without_load() -> None:
-    """Added work: solve pads without a load, and compute the effect of their error, which is 0, on the readings."""
+    """Added work (usually omitted): solve pads that have no load, and compute the effect of their error, which is 0, on
+    the readings."""
     import numpy as np
 
     from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
@@ -94,7 +95,8 @@ def _cut_everything_finely() -> None:
         return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
 
     def finely(mesh, subdivision, cells=None):
-        """Subdivide all faces of a mesh as finely as those of the cells."""
+        """Replacement for the subdivision of faces: all faces of a mesh are subdivided as finely as those of the cells.
+        """
         ratio = longest(mesh, mesh.faces) / longest(mesh, mesh.faces[mesh.face_cell > 0])
         side = np.full_like(mesh.face_region, REGIONS["side"])
         return cut(replace(mesh, face_region=side), int(np.ceil(subdivision * ratio)))
@@ -103,7 +105,7 @@ def _cut_everything_finely() -> None:
 
 
 def _only_asked_for() -> None:
-    """Change nothing: :func:`row` requests this work through arguments of the reading."""
+    """Does nothing: this kind of added work is requested by the arguments of the reading in :func:`row`."""
 
 
 ALL_THE_SAME: dict[str, Callable[[], None]] = {
@@ -255,7 +257,7 @@ def table(scenes: Sequence[str]) -> Iterator[tuple[str, ...]]:
 
 
 def _deviation(first: dict, second: dict) -> float:
-    """Largest difference between the readings of two runs, in units of the combined standard error."""
+    """Largest difference between the readings of two runs, divided by their combined standard error."""
     columns = zip(first["power"], second["power"], first["error"], second["error"], strict=True)
     return max(abs(b - a) / (e**2 + f**2) ** 0.5 for a, b, e, f in columns)
 

@@ -70,7 +70,8 @@ class _Trial:
 
     @property
     def scatter(self) -> float:
-        """Relative standard deviation of the longest runs, scaled to one second of CPU time."""
+        """Relative standard deviation of a reading by this method after one second of CPU time, scaled from its longest
+        runs."""
         last = self.rungs[-1]
         return relative_rms(last.power.std(axis=0, ddof=1), last.power.mean(axis=0)) * math.sqrt(last.seconds)
 
@@ -187,8 +188,8 @@ def reference(name: str, estimate: Estimator, samples: int, seconds: float) -> T
 
 
 def _referees(trials: Sequence[_Trial]) -> list[_Trial]:
-    """Choose two methods with different integrators for the reference values: preferably those in :data:`UNBIASED`,
-    else those with the least noise."""
+    """Choose the two methods that give the reference values. They have different integrators: those in :data:`UNBIASED`
+    if possible, else those with the least noise."""
     best: dict[str, _Trial] = {}
     for trial in sorted((trial for trial in trials if trial.sees_all), key=_preference):
         best.setdefault(trial.method.integrator, trial)
@@ -247,8 +248,8 @@ def rung_point(rung: SampleRuns, truth: TruthEstimate) -> WorkPoint:
 
 
 def _bias(rungs: Sequence[SampleRuns], truth: TruthEstimate) -> tuple[float, float]:
-    """Mean relative deviation of all runs from the reference, weighted by the number of samples; and this deviation in
-    standard errors."""
+    """Bias of a method: mean relative deviation of all its runs from the reference, weighted by the number of samples.
+    Also returns the deviation in standard errors."""
     lit = truth.power > 0
     runs = np.concatenate([(rung.power[:, lit] / truth.power[lit] - 1).mean(axis=1) for rung in rungs])
     weight = np.concatenate([np.full(len(rung.power), float(rung.samples)) for rung in rungs])

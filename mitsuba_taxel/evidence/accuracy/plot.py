@@ -78,7 +78,8 @@ def _panel(ax: Axes, curves: Sequence[ErrorCurve], panel: str, labelled: bool) -
 
 
 def _floors(curves: Sequence[ErrorCurve], panel: str) -> dict[str, float]:
-    """Errors of the references, by label. Many methods share a reference of the light."""
+    """Errors of the reference values, by label, which the panel shows as dashed lines. Many methods share a reference
+    of the light."""
     lasts = [(curve.method, curve.points[-1]) for curve in curves]
     if panel == "optics":
         return {f"error of the reference, {last.reference}": last.floor for _, last in lasts if last.floor > 0}
@@ -124,7 +125,7 @@ def _draw(ax: Axes, curve: ErrorCurve, number: int, labelled: bool) -> None:
 
 
 def _labels(points: Sequence[WorkPoint]) -> dict[tuple[float, float], str]:
-    """Labels of points, by position; points that nearly coincide share one label."""
+    """Labels of points in a panel, by position; points that nearly coincide share one label."""
     labels: dict[tuple[float, float], str] = {}
     for point in points:
         neighbours = [
@@ -138,7 +139,7 @@ def _labels(points: Sequence[WorkPoint]) -> dict[tuple[float, float], str]:
 
 
 def _widen(ax: Axes) -> None:
-    """Extend the axis of seconds to at least one decade."""
+    """Extend the time axis of a panel to at least one decade."""
     low, high = ax.get_xlim()
     if high < 10 * low:
         middle = math.sqrt(low * high)

@@ -175,7 +175,8 @@ def _slope(scene: Callable[[], Scene], is_diffuse: bool, seconds: float, startin
 
 
 def _over_paths(estimate: Estimator, seconds: float, starting: Starting) -> tuple[list[SampleRuns], TruthEstimate]:
-    """Runs with increasing numbers of samples, and reference values from a few long runs with other random numbers.
+    """Run a method with increasing numbers of samples, and compute reference values from a few long runs with other
+    random numbers.
 
     A few long runs have a smaller error than many short runs.
     """

@@ -107,7 +107,7 @@ def with_slope(cell: str) -> tuple[float, float]:
 
 
 def _solved(scene: Any, **arguments: Any) -> None:
-    """Measure without cached solutions of the light."""
+    """Read a scene without cached solutions of the light."""
     clear_caches(kept_cell)
     measure(scene, **arguments)
 

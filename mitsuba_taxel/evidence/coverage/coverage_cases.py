@@ -266,8 +266,8 @@ def _rounded() -> Iterator[CoverageCase]:
 
 
 def _blunt() -> Iterator[CoverageCase]:
-    """Settings for all registered cell shapes whose mouths can be rounded, together with the outside of the pad and, if
-    the shape allows it, the edges of the cell; radii, wall thickness and load are random."""
+    """Settings for all registered cell shapes whose mouths can be rounded. The outside of the pad is rounded as well
+    and, if the shape allows it, the edges of the cell; radii, wall thickness and load are random."""
     for cell in CellShape.kinds():
         random = generator(SEED, f"blunt {cell}")
         wall, down = round(random.uniform(0.5, 1.0), 2), round(random.uniform(0.4, 1.0), 2)

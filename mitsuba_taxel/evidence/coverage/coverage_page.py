@@ -186,9 +186,11 @@ class CoveragePage:
 
 
 def _in_order(kept: Sequence[Any], rows: Sequence[Any], names: Sequence[str]) -> list[Any]:
-    """Merge new ``rows`` into stored rows, in the order of the cases ``names``.
+    """Merge new ``rows`` into stored rows, in the order of the case names ``names``. New rows replace stored rows of
+    the same case. Stored rows of cases that no longer exist are dropped.
 
-    New rows replace stored rows of the same case. Stored rows of cases that no longer exist are dropped."""
+    New rows replace stored rows of the same case. Stored rows of cases that no longer exist are dropped.
+    """
     renewed = {row.case for row in rows}
     all_rows = [row for row in kept if row.case not in renewed and row.case in names] + list(rows)
     return sorted(all_rows, key=lambda row: names.index(row.case))

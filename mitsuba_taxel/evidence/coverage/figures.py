@@ -237,8 +237,8 @@ def cells(row: Any) -> list[str]:
 
 
 def before_the_rule(rows: Sequence[Any]) -> str:
-    """A sentence that lists the scenes whose reference values were computed on larger elements than the present rule
-    requires; empty if there are none."""
+    """A sentence for the page that lists scenes measured earlier, whose reference values were computed on larger
+    elements than is required now; empty if there are none."""
     largest = {case.name: case.largest_fine for case in figure_cases()}
     numbers = [row.case[:2] for row in rows if row.case in largest and row.fine > largest[row.case] + 1e-9]
     return f" Scenes measured before this rule, on larger elements: {', '.join(numbers)}." if numbers else ""

@@ -105,7 +105,8 @@ class FlatRoof:
         )
 
     def _rays(self, rms_slope: float, u: np.ndarray) -> float:
-        """Power from N rays, each with six random numbers ``u`` (N, 6)."""
+        """Power in W on the phototransistor from each of N rays; ``u`` (N, 6) contains six random numbers of each ray.
+        """
         # Rays from the LED to the plane of the roof.
         origin = np.stack([LED * (u[:, 0] - 0.5) - 0.5 * self.spacing, LED * (u[:, 1] - 0.5), 0 * u[:, 0]], axis=1)
         cosine = 1 - u[:, 2] * (1 - math.cos(CONE))

@@ -168,7 +168,8 @@ class Dome:
         return float(np.mean(runs)), float(np.std(runs, ddof=1) / 4)
 
     def _rays(self, rms_slope, u):
-        """Power from N rays, each with 24 random numbers ``u`` (N, 24)."""
+        """Power in W on the phototransistor from each of N rays; ``u`` (N, 24) contains 24 random numbers of each ray.
+        """
         x = np.stack([LED * (u[:, 0] - 0.5) - 0.5 * self.spacing, LED * (u[:, 1] - 0.5), 0 * u[:, 0]], axis=1)
         cosine = 1 - u[:, 2] * (1 - math.cos(CONE))
         sine, phi = np.sqrt(1 - cosine**2), 2 * math.pi * u[:, 3]
@@ -263,7 +264,8 @@ def reflected_at_facets(wi, normal, alpha, v):
 
 
 def _visible(cosine, alpha):
-    """Fraction of microfacets that are visible under an angle: Smith's G1 for Beckmann's distribution."""
+    """Fraction of microfacets that are visible from a direction whose angle to the normal has the given cosine: Smith's
+    G1 for Beckmann's distribution."""
     a = cosine / (alpha * np.sqrt(np.maximum(1 - cosine**2, 1e-30)))
     return 2 / (1 + erf(a) + np.exp(-(a**2)) / (a * math.sqrt(math.pi)))
 

@@ -255,7 +255,7 @@ def cutbacks(segment: LoadSegment) -> int:
 
 
 def _longest(position: int, ticks: int) -> int:
-    """Length, in ticks (the smallest step), of the longest load step that may begin at a position."""
+    """Length of the longest load step that may begin at a position, in ticks (the shortest step)."""
     return min(position & -position, ticks) or TICKS
 
 

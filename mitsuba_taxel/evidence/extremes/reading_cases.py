@@ -255,7 +255,8 @@ def _compared(
 
 
 def _all_but_closed() -> ComparedReading:
-    """Compare readings in two narrow gaps: the power is proportional to the square of the gap's height."""
+    """Compare the readings of two narrow gaps between LED and plate: the power is proportional to the square of the
+    gap's height."""
     wide, narrow = (read(_plate(z=z, scattering="lambertian")(), points=1 << 14) for z in (1e-4, 1e-5))
     scaled = replace(wide, replicates=wide.replicates * 1e-2)
     return _compared(narrow, scaled, "law of scale", rounding=1e-2)
@@ -368,7 +369,7 @@ def _wider(probability: float) -> float:
 
 
 def _array(rows: int, columns: int) -> Scene:
-    """An array of photo-reflectors under a wide white plate."""
+    """Scene of an array of photo-reflectors under a wide white plate."""
     import mitsuba as mi
 
     from mitsuba_taxel.backend import activate_variant

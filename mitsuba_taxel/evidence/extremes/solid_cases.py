@@ -76,7 +76,7 @@ def _box() -> Trimesh:
 
 
 def _pyramid() -> Trimesh:
-    """A pyramid whose tip points down."""
+    """A pyramid whose tip points down, as a closed surface of triangles in mm."""
     import trimesh
 
     corners = SIDE / 2 * np.array([[0, 0, 0], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]])

@@ -104,8 +104,8 @@ def _correlated(correlation: float, count: int, random: np.random.Generator) -> 
 
 
 def _force_course(move: str, cycles: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Force history of a recording: the force in each row as a fraction of the largest force, (rows,), and an array
-    (rows,) that is 1 where the force falls, else 0.
+    """Force history of a recording, (rows,): the force as a fraction of the largest force. A second array (rows,) is 1
+    where the force falls, else 0. The numbers of force levels and rows are random.
 
     The numbers of force levels and rows are random.
     """

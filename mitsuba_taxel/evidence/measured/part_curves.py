@@ -1,4 +1,5 @@
-"""Curves of photo-reflectors beside those of their datasheets: distances of a reflector, and a mirror's edge."""
+"""Computed curves of photo-reflectors compared with those of their datasheets: the current against the distance of a
+reflector, and against the position of a mirror's edge."""
 
 from __future__ import annotations
 
@@ -33,17 +34,17 @@ WHITE_PAPER = (
 
 @dataclass(frozen=True)
 class PartRow:
-    """A part, and its computed curve beside that of its datasheet.
+    """A photo-reflector, with its computed distance curve and the curve of its datasheet.
 
     Attributes
     ----------
     name, reflector : str
-        Part, and reflector of the curve.
+        Name of the part, and the reflecting surface with which the curve was measured.
     heights, sheet, model : (N,) ndarray
-        Heights in mm, and currents of the datasheet and of the dies, relative to the largest; no model if the geometry
-        is unknown.
+        Heights of the reflector in mm; currents of the datasheet; and currents computed from the positions of the dies.
+        Currents are relative to the largest. ``model`` is empty if the geometry is unknown.
     missing : tuple[str, ...]
-        Unknown numbers.
+        Dimensions of the part that are unknown.
     """
 
     name: str
@@ -55,7 +56,8 @@ class PartRow:
 
     @property
     def worst(self) -> tuple[float, float]:
-        """Largest difference, relative to the peak, and its height in mm."""
+        """Largest difference between the computed current and that of the datasheet, relative to the largest current,
+        and the height in mm at which it occurs."""
         assert self.model is not None
         difference = self.model - self.sheet
         index = int(np.abs(difference).argmax())
@@ -64,16 +66,17 @@ class PartRow:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What may light and receive in a VCNT2020, and the curves that follow.
+    """A hypothesis about the light path in a photo-reflector VCNT2020 (which surfaces emit, and which receive), and the
+    curves that it predicts.
 
     Attributes
     ----------
     name : str
-        In words.
+        Description of the hypothesis.
     miss : float
-        Largest difference from the distance curve, relative to the peak.
+        Largest difference from the distance curve of the datasheet, relative to its peak.
     x_width, y_width : float
-        Width of a mirror's edge from 10 to 90 % of the current, mm.
+        Distance along x and y that the edge of a mirror moves while the current rises from 10 to 90 %, mm.
     curve : (N,) ndarray
         Computed currents at the rows of the datasheet, relative to the largest.
     """
@@ -107,7 +110,8 @@ def part_rows() -> list[PartRow]:
 
 
 def _relative(part: Part, heights: np.ndarray) -> np.ndarray:
-    """Computed currents (N,), relative to the largest between the heights."""
+    """Computed currents (N,) of a part at N heights of a reflector, relative to the largest current in the range of
+    heights."""
     model = distance_model(part, heights)
     nearest = heights[np.abs(heights - heights[model.argmax()]).argsort()][:3]
     around = np.linspace(nearest.min(), nearest.max(), 12)
@@ -115,12 +119,13 @@ def _relative(part: Part, heights: np.ndarray) -> np.ndarray:
 
 
 def explanations() -> list[Explanation]:
-    """Compute the curves of candidates for what lights and receives in a VCNT2020, whose numbers a search has found.
+    """Compute the curves of several hypotheses about the light path in a VCNT2020. Their dimensions were found by a
+    search.
 
     Returns
     -------
     list[Explanation]
-        One row per candidate.
+        One entry for each hypothesis.
     """
     part = read_datasheet("vcnt2020").with_numbers({})
 
@@ -155,7 +160,8 @@ def explanations() -> list[Explanation]:
 
 
 def scattered_rays(part: Part, depth: float, height: float) -> MirrorRays:
-    """Rays between windows that scatter by Lambert's law, irradiated from, and seen by, small dies below.
+    """Rays between two scattering windows above small dies, by way of a mirror. The windows scatter by Lambert's law:
+    the emitter irradiates its window from below, and the detector sees its window from below.
 
     Parameters
     ----------
@@ -191,7 +197,7 @@ def _explanation(part: Part, name: str, rays: Callable[[float], MirrorRays]) -> 
 
 
 def edge_width(rays: MirrorRays, axis: int) -> float:
-    """Distance that the edge of a mirror moves along an axis from 10 to 90 % of the current, mm."""
+    """Distance in mm that the edge of a mirror moves along an axis while the current rises from 10 to 90 %."""
     order = np.argsort(rays.places[:, axis])
     passed = np.cumsum(rays.power[order]) / rays.power.sum()
     low, high = np.interp([0.1, 0.9], passed, rays.places[order, axis])
@@ -202,7 +208,7 @@ HEADINGS = ("part", "reflector", "brightest at [mm]", "computed [mm]", "largest 
 
 
 def cells(row: PartRow) -> list[str]:
-    """Format a row as texts, by `HEADINGS`.
+    """Format a part as table cells, in the order of `HEADINGS`.
 
     Parameters
     ----------
@@ -225,12 +231,12 @@ EXPLANATION_HEADINGS = ("what lights and receives", "distance curve, miss [%]", 
 
 
 def explanation_cells(row: Explanation) -> list[str]:
-    """Format a candidate as texts, by `EXPLANATION_HEADINGS`.
+    """Format a hypothesis as table cells, in the order of `EXPLANATION_HEADINGS`.
 
     Parameters
     ----------
     row : Explanation
-        A candidate.
+        A hypothesis.
 
     Returns
     -------
@@ -241,14 +247,14 @@ def explanation_cells(row: Explanation) -> list[str]:
 
 
 def write_page(rows: list[PartRow], candidates: list[Explanation], page: Path, command: str) -> None:
-    """Write the page, and its picture beside it.
+    """Write the page that compares computed curves with those of datasheets, and its picture beside it.
 
     Parameters
     ----------
     rows : list[PartRow]
         Parts.
     candidates : list[Explanation]
-        Candidates for the VCNT2020, in the order of `explanations`.
+        Hypotheses for the VCNT2020, in the order of `explanations`.
     page : Path
         File of the page, which ends in .md.
     command : str

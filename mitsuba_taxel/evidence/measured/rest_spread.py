@@ -105,7 +105,8 @@ def _relative(values: np.ndarray) -> float:
 
 
 def _error(values: np.ndarray) -> float:
-    """Standard error of the result of :func:`_relative`, by the jackknife (B. Efron and C. Stein, 1981)."""
+    """Standard error of the relative standard deviation that :func:`_relative` computes, by the jackknife (B. Efron and
+    C. Stein, 1981)."""
     jackknife = np.array([_relative(np.delete(values, number)) for number in range(len(values))])
     return float(np.sqrt((len(values) - 1) * jackknife.var()))
 
@@ -130,7 +131,7 @@ def _computed(store: PaperStudies, scene: str, study: str) -> xr.Dataset:
 
 
 def _texts() -> tuple[str, str]:
-    """Texts of the files of the scene and of the study."""
+    """Contents of the files of the scene and of the study, as text."""
     reflector = read_part("njl5908ar")
     emitter, detector = reflector.emitter, reflector.detector
     lowest, typical, highest = (

@@ -37,7 +37,8 @@ class TaxelBand(NamedTuple):
     deviation: np.ndarray
 
     def chance(self, times: float | np.ndarray) -> float | np.ndarray:
-        """Probability that a taxel deviates by ``times`` standard deviations or more, by Student's distribution."""
+        """Probability that the sensitivity of a taxel deviates by ``times`` standard deviations or more, by Student's
+        distribution."""
         from scipy.stats import t
 
         return 2 * t.sf(times, len(self.own) - 1)

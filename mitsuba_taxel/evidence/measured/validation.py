@@ -166,7 +166,8 @@ taxel; the experiments used the taxel with the largest sensitivity to normal for
 
 
 def _sideways(store: PaperStudies, cycles: Mapping[str, xr.Dataset]) -> list[list[str]]:
-    """Rows of the comparison with Table 3 of the paper, computed with the circuits of the loading cycles."""
+    """Rows of the comparison with Table 3 of the paper (sensitivity under tangential forces), computed with the
+    circuits of the loading cycles."""
     rows = []
     for cell, slopes in paper.MEASURED_TANGENTIAL.items():
         row, circuit = [cell], circuit_at_rest(cycles[cell])

@@ -27,7 +27,8 @@ class ShapeOrder(NamedTuple):
 
 
 def order(values: Mapping[str, float], errors: Mapping[str, float]) -> ShapeOrder:
-    """Sort the shapes by their values, and compute the probability of this order from the standard errors."""
+    """Sort the cell shapes by their values, from the largest to the smallest, and compute the probability of this order
+    from the standard errors."""
     names = tuple(sorted(values, key=lambda name: -values[name]))
     mean = np.array([values[name] for name in names])
     error = np.array([errors[name] for name in names])

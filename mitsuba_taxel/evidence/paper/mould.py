@@ -122,7 +122,7 @@ class MouldWalls:
 
     @property
     def mould(self) -> str:
-        """The mould in words."""
+        """Description of the mould in words, such as its layer height and print direction."""
         return f"{self.layer:g} mm along {self.direction}" if self.layer else "smooth"
 
     @property
@@ -210,8 +210,8 @@ def design() -> Iterator[MouldWalls]:
 
 
 def rest() -> Iterator[MouldWalls]:
-    """The combinations of cell shape, mould, roof and sides of whole pads that :func:`design` omits; those with black
-    sides come first.
+    """Whole pads that :func:`design` omits: all other combinations of cell shape, mould, roof and sides. Those with
+    black sides come first.
     """
     moulds = [(layer, direction) for layer in LAYERS for direction in (DIRECTIONS if layer else ("",))]
     done = set(design())

@@ -34,7 +34,7 @@ _REFLECTOR = """
 
 
 def scene_text(name: str) -> str:
-    """Text of a scene in the folder ``scene_files``; names in braces are placeholders for `str.format`."""
+    """Text of an XML scene file in the folder ``scene_files``; names in braces are placeholders for `str.format`."""
     return (Path(__file__).with_name("scene_files") / f"{name}.xml").read_text(encoding="utf-8")
 
 

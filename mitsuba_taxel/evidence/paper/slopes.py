@@ -55,8 +55,8 @@ def sensitivity(study: xr.Dataset, force: str) -> Sensitivity:
 
 
 def slope_share(study: xr.Dataset) -> float:
-    """Largest error of a derivative with respect to a force, relative to the derivative of the steepest taxel at the
-    same force."""
+    """Largest relative error of the derivatives with respect to a force: the error of each taxel's derivative, divided
+    by the derivative of the steepest taxel at the same force."""
     return float((study.derivative_error.max("taxel") / np.abs(study.derivative).max("taxel")).max())
 
 

@@ -72,7 +72,7 @@ def choices() -> list[PaperVariation]:
 
 
 def both(first: PaperVariation, second: PaperVariation) -> PaperVariation:
-    """Combine two variations of the nominal sensor to one."""
+    """Combine two variations of the nominal sensor into one variation."""
     return PaperVariation(f"{first.words}, {second.words}", first.values | second.values, single=False)
 
 

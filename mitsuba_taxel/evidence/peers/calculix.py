@@ -130,8 +130,7 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
 
 
 def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
-    """Input text of CalculiX for :func:`solve`. The mid-edge nodes of C3D10 have the same order (12, 23, 13, 14, 24,
-    34) as in the meshes of this package."""
+    """Input text of CalculiX for :func:`solve`: a pad under a dead load spread over its top."""
     load = nodal_forces(mesh, force)
     lines = pad_lines(mesh, material)
     lines += ["*STEP, NLGEOM", "*STATIC", "*CLOAD"]
@@ -141,7 +140,8 @@ def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
 
 
 def pad_lines(mesh: VolumeMesh, material: NeoHookean) -> list[str]:
-    """The part of the input that defines the pad: material, and the sets PAD of nodes and of elements."""
+    """Lines of a CalculiX input that define the pad: its material, and the sets PAD of its nodes and of its elements.
+    """
     lines = ["*NODE, NSET=PAD", *node_lines(mesh.points, 1), "*ELEMENT, TYPE=C3D10, ELSET=PAD"]
     lines += [",".join(map(str, (n, *nodes))) for n, nodes in enumerate(mesh.tets + 1, start=1)]
     lines += ["*MATERIAL, NAME=SILICONE", "*HYPERELASTIC, NEO HOOKE"]
@@ -194,6 +194,6 @@ def _rows(file: Path) -> list[list[str]]:
 
 
 def _complaint(output: str) -> str:
-    """The first error message in the output of CalculiX, on one line."""
+    """First error message in the output of CalculiX, as one line."""
     _, _, message = output.partition("*ERROR")
     return " ".join(message.split("\n\n")[0].lstrip(": ").split()) or "it names no reason"

@@ -143,8 +143,8 @@ class DisplacementForm:
         return self._assembled(forces.reshape(-1, 30), _stiffness(weighted, moduli, self._gradients))
 
     def _response(self, gradient: np.ndarray, determinant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """First Piola-Kirchhoff stress (..., 3, 3), and its derivative (..., 3, 3, 3, 3) with respect to the
-        deformation gradient, in MPa."""
+        """Material response: the first Piola-Kirchhoff stress (..., 3, 3) in MPa, and its derivative (..., 3, 3, 3, 3)
+        with respect to the deformation gradient."""
         g = np.swapaxes(np.linalg.inv(gradient), -1, -2)
         scale = (self._bulk_modulus * (determinant - 1) * determinant)[..., None, None]
         slope = (self._bulk_modulus * (2 * determinant - 1) * determinant)[..., None, None, None, None]

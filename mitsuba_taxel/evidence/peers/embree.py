@@ -17,7 +17,7 @@ CLEARANCE = 1e-5  # mm, of a new ray from the surface that it leaves
 
 @dataclass(frozen=True)
 class Triangles:
-    """The triangles of a whole scene, with their normals, and whether each reflects (reflectance 1) or absorbs."""
+    """Triangles of a whole scene, their normals, and whether each triangle reflects (with reflectance 1) or absorbs."""
 
     embree: Any
     mesh: Any  # Embree keeps no reference to it

@@ -82,7 +82,8 @@ def solve_table() -> Iterator[tuple[object, ...]]:
 
 
 def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, float]:
-    """Solve a pad with this package. Returns the mean roof displacement in mm, and the seconds including meshing."""
+    """Solve a pad with this package. Returns the mean displacement of the centre roof in mm, and the seconds including
+    meshing."""
     start = time.perf_counter()
     mesh = mesh_pad(pad, size)
     images, mirrors = (node_images(mesh), MIRRORS) if symmetric else ({}, ())
@@ -93,8 +94,8 @@ def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, fl
 
 
 def _peer(pad: Pad, size: float, threads: int) -> tuple[float, float]:
-    """Solve a pad with CalculiX on the same mesh. Returns the mean roof displacement in mm, and the seconds without
-    meshing and writing the input."""
+    """Solve a pad with CalculiX on the same mesh. Returns the mean displacement of the centre roof in mm, and the
+    seconds without meshing and without writing the input."""
     mesh = mesh_pad(pad, size)
     result = calculix.solve(mesh, MATERIAL, FORCE, threads)
     return mean_roof_displacement(mesh, result.displacement, CELL), result.seconds
@@ -164,8 +165,8 @@ def cells_table() -> Iterator[tuple[object, ...]]:
 
 
 def _grown(side: int, load: str) -> tuple[int, float]:
-    """Solve a pad of ``side`` x ``side`` cells under the same pressure for all sizes. Returns the number of unknowns
-    and the seconds."""
+    """Solve a pad of ``side`` x ``side`` cells under a pressure that is the same for all sizes. Returns the number of
+    unknowns and the seconds."""
     pad = Pad(rows=side, columns=side)
     pressure = 20 / (9.65 * 9.65) * pad.extent[0] * pad.extent[1]
     force = (0.0, 0.0, -pressure) if load == "normal" else (0.2 * pressure, 0.0, -0.4 * pressure)
@@ -185,8 +186,8 @@ def parts_table() -> Iterator[tuple[object, ...]]:
 
 
 def _parts(pad: Pad, steps: list[tuple[float, ...]]) -> tuple[float, float, float, float]:
-    """CPU seconds in total, of factorisations with their symbolic analyses, of stability tests, and of the second
-    mesh."""
+    """Measure a load path: CPU seconds in total, of matrix factorisations, of stability tests, and of the second mesh.
+    """
     fraction = len(pad.cell_centres) / 9
     values = [tuple(fraction * component for component in step) for step in steps]
     start = time.process_time()
@@ -224,8 +225,8 @@ def contact_table() -> Iterator[tuple[object, ...]]:
 
 
 def _factorisations(pad: Pad, body: Indenter | None, path: tuple[float, ...]) -> tuple[int, float]:
-    """Number of factorisations, and CPU seconds, for a displacement of an indenter, or of a plate if ``body`` is
-    None."""
+    """Solve a displacement of an indenter, or of a plate if ``body`` is None. Returns the number of matrix
+    factorisations and the CPU seconds."""
     load = PlateDisplacement() if body is None else IndenterDisplacement(body)
     start = time.process_time()
     with _clocked(LoadedPad, "_factored") as factors:

@@ -82,7 +82,8 @@ def row_of(mesh_size: float, depth: float) -> tuple[object, ...]:
 
 
 def rms_apart(displacement: np.ndarray, reference: np.ndarray) -> float:
-    """Root mean square over N nodes of the difference of two displacements, relative to the second.
+    """Relative difference of two displacements: root mean square over N nodes, divided by that of the second
+    displacement.
 
     Parameters
     ----------
@@ -93,8 +94,8 @@ def rms_apart(displacement: np.ndarray, reference: np.ndarray) -> float:
 
 
 def under_same_forces(state: State) -> np.ndarray:
-    """Displacement (N, 3) in mm of the N nodes under the contact forces of a state, by the element of CalculiX in
-    `displacement_form`."""
+    """Displacement (N, 3) in mm of the N nodes under the contact forces of a state, computed with the implementation of
+    CalculiX's element in `displacement_form`."""
     assert isinstance(state.material, NeoHookean)
     element, pushed = DisplacementForm(state.mesh, state.material), indentation_of(state)[1].nodal_forces
     displacement, steps = np.zeros_like(pushed), math.ceil(abs(state.value[2]) / INCREMENT)

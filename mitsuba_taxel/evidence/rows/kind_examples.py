@@ -52,7 +52,7 @@ def other_indenters(listed: tuple[str, ...]) -> list[str]:
 
 
 def pad_of(cell: str, **parameters: Any) -> Pad:
-    """Make a pad with cells of any registered shape.
+    """Make a pad with cells of any registered shape, for tests of kinds that a table does not name.
 
     Parameters
     ----------

@@ -232,7 +232,7 @@ def _numbers_in(scene: Scene, config: mi.parser.ParserConfig) -> tuple[list[str]
 
 
 def _present(plugin: Specification, name: str) -> Any:
-    """Value of a parameter of a plugin, given or derived from other parameters; None if it has no value."""
+    """Present value of a parameter of a plugin, given or derived from other parameters; None if it has no value."""
     field = next(field for field, parameter in parameters_of(type(plugin)).items() if parameter.name == name)
     value = getattr(plugin, field)
     if not isinstance(plugin, DeformablePad) or value is not None:
@@ -377,8 +377,8 @@ def _add(total: dict[str, float], weight: float, numbers: dict[str, float]) -> N
 
 
 def _without_pad(state: mi.parser.ParserState, plugin: str = "") -> list[dict[str, Any]]:
-    """Parameters of all objects of a parsed scene except pads, as comparable values; with ``plugin``, of the objects of
-    this plugin only."""
+    """Parameters of all objects of a parsed scene except pads, as values that can be compared. With ``plugin``, only
+    objects of this plugin are included."""
     return [
         {name: _value(node.props, name) for name in node.props.keys()}  # noqa: SIM118  (no mapping)
         for node in state.nodes

@@ -367,7 +367,8 @@ class DiffuseCells:
         return AT_ISOTROPIC_EDGES if cell.isotropic.any() else AT_EDGES
 
     def walls_alike(self, first: int, second: int) -> bool:
-        """Whether two cells, given by their indices, have the same numbers of patches with each scattered fraction."""
+        """Whether two cells, given by their indices, have the same number of patches for each scattered fraction, so
+        that they can be compared."""
         fractions = (np.column_stack([self.cells[k].isotropic, self.cells[k].lambertian]) for k in (first, second))
         counts = [np.unique(rows, axis=0, return_counts=True) for rows in fractions]
         return all(np.array_equal(*pair) for pair in zip(*counts, strict=True))
@@ -440,7 +441,7 @@ def _cells_of(mesh: VolumeMesh, pad: AnyPad, scatters: np.ndarray) -> _PadCells:
 
 @kept(32)
 def _have_edges(mesh: VolumeMesh, pad: AnyPad, faces: tuple[int, ...]) -> bool:
-    """Whether faces of a mesh meet at sharp edges; cached for all cells with the same faces."""
+    """Whether some faces of a mesh meet at sharp edges; cached for all cells with the same faces."""
     from mitsuba_taxel.mechanics.surface.tessellation import have_edges
 
     return have_edges(mesh, np.array(faces), pad)
@@ -487,8 +488,8 @@ def kept_cell(mesh: Mesh, arguments: bytes) -> Cell:
 
 
 def _with_package(of_walls: np.ndarray, of_package: np.ndarray) -> np.ndarray:
-    """Fractions (F + G, 2) scattered isotropically and by Lambert's law, from those (F, 2) of F patches on walls and
-    those (G,) of G patches on a package, which scatters by Lambert's law."""
+    """Join the scattered fractions of walls and package. Returns the fractions (F + G, 2) scattered isotropically and
+    by Lambert's law, from those (F, 2) of F patches on walls and (G,) of G patches on a package."""
     return np.concatenate([of_walls, np.column_stack([np.zeros_like(of_package), of_package])])
 
 

@@ -114,7 +114,7 @@ def _near_images(mirror: Mirror, points: Sequence[np.ndarray]) -> list[list[int]
 
 
 def _shifted(shift: np.ndarray, end: End, origin: End, bound: float) -> bool:
-    """Whether an LED or phototransistor ``end`` equals another, ``origin``, translated by ``shift`` (3,)."""
+    """Whether an LED or phototransistor ``end`` is a copy of another, ``origin``, translated by ``shift`` (3,)."""
     if end.law != origin.law or end.points.shape != origin.points.shape:
         return False
     alike = _close(end.weights, origin.weights) and _close(end.normal, origin.normal)

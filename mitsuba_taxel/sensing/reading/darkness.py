@@ -42,7 +42,7 @@ def dark_errors(scene: mi.Scene, integrator: mi.Integrator, paths: int, taxels: 
 
 
 def may_be_lit(scene: mi.Scene, integrator: mi.Integrator) -> bool:
-    """Whether light could reach a taxel that has none yet, if more paths were traced."""
+    """Whether light could reach a taxel whose reading is 0 so far, if more paths were traced."""
     return bool(np.any(dark_errors(scene, integrator, 1, 1) > 0))
 
 
@@ -57,6 +57,7 @@ def _of_pair(scene: mi.Scene, integrator: mi.Integrator, pair: TaxelPair, paths:
 
 
 def _releases_as_leds_shine(integrator: mi.Integrator) -> bool:
-    """Whether paths start at the LED and are counted only where they hit the phototransistor."""
+    """Whether light paths start at the LED with the distribution of its light, and are counted only where they hit the
+    phototransistor."""
     made = integrator.specification
     return isinstance(made, AnalogTracer) or isinstance(made, TaxelTracer) and made.strategy in _WITH_HITS

@@ -74,7 +74,7 @@ def has_random_heights(scene: mi.Scene) -> bool:
 
 
 def tilt_share(scene: mi.Scene) -> float:
-    """Relative error of readings due to the tilt of flat triangles against the curved walls that they replace.
+    """Relative error of readings because flat triangles are tilted against the curved walls that they replace.
 
     The tilt is the angle between the normals of triangle and wall. Its mean over each triangle is zero, so that its
     effect cancels under even illumination, but not if a spot covers a part of a triangle or only a few triangles. Rays
@@ -114,8 +114,8 @@ def _square_share(scene: mi.Scene, end: mi.Endpoint) -> float:
 
 
 def _turning(pad: PadShape) -> np.ndarray:
-    """Fraction of the scattered light of each region whose direction follows the normal of the wall, indexed by the
-    code of the region."""
+    """Fraction of the scattered light whose direction follows the normal of the wall, for each region of a pad; indexed
+    by the code of the region."""
     wall = pad.bsdf()
     walls = wall.walls if is_region(wall) else dict.fromkeys(REGIONS, wall)
     turning = np.ones(max(REGIONS.values()) + 1)

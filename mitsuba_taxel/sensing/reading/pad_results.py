@@ -40,8 +40,8 @@ class PadResult(NamedTuple):
 
 
 def _largest_strain(state: State, with_error: bool) -> Estimate:
-    """The largest strain of a state, with its error due to the finite elements: a fixed fraction of the change of the
-    strain on coarser elements."""
+    """Largest strain of a state, with its error due to the finite elements. The error is a fixed fraction of the change
+    of the strain on coarser elements."""
     from mitsuba_taxel.mechanics.results.largest_strain import largest_strain
 
     if not state.displacement.any():
@@ -83,7 +83,7 @@ def _centre(axis: int) -> Callable[[Reactions], float]:
 
 
 def _unknown(reactions: Reactions) -> float:
-    """Error that is unknown: NaN, but 0 for a pad that is not touched."""
+    """Stands for an unknown error of a reaction: NaN, but 0 for a pad that is not touched."""
     return math.nan if reactions.applied_force.any() else 0.0
 
 
@@ -123,7 +123,7 @@ REACTION_RESULTS: list[ReactionResult] = [
 
 
 def _plate_motion(attribute: str, axis: int) -> Callable[[State, bool], Estimate]:
-    """The component of a plate's displacement or rotation along an axis."""
+    """Result: one component, along ``axis``, of the displacement or rotation of a plate."""
 
     def of(state: State, with_error: bool) -> Estimate:
         from mitsuba_taxel.mechanics.results.plate_motion import plate_motion

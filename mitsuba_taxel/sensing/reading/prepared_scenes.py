@@ -119,7 +119,7 @@ class ShapeErrors(NamedTuple):
         return FACETS_SHARE * largest_share(np.abs(self.geometry.facets), self.power)
 
     def suffices(self, target_error: float) -> bool:
-        """Whether light without random numbers can reach a relative target error, with the present finite elements or
+        """Whether a relative target error can be reached without random numbers, with the present finite elements or
         with smaller ones.
         """
         return self.share <= target_error or self.light_share <= EXACT_SHARE * target_error

@@ -91,7 +91,8 @@ def shares(error: np.ndarray, power: np.ndarray) -> np.ndarray:
 
 
 def or_dark(error: np.ndarray, power: np.ndarray, dark_error: np.ndarray | None) -> np.ndarray:
-    """The error of each power: that from the scatter of the replicates or, for a power of 0, the ``dark_error``."""
+    """Replace the errors of readings of 0: ``dark_error`` where the power is 0, elsewhere the error from the scatter of
+    the replicates."""
     return error if dark_error is None else np.where(power > 0, error, dark_error)
 
 

@@ -1,4 +1,4 @@
-"""All results of a reading, each defined once.
+"""Definitions of all results of a reading, such as powers and errors.
 
 An entry states the name, unit and meaning of a result, and how it is computed from `Readings`. Datasets of studies,
 NetCDF, CSV and Parquet tables, the list of names that parameters may not have, and the table in the documentation are

@@ -119,7 +119,8 @@ def _lights(scene: mi.Scene) -> int:
 
 
 def described(scene: AnyScene) -> Scene | Prepared | mi.Scene:
-    """Convert a name, a path or a dictionary to a `Scene`; a scene in any other form is returned unchanged."""
+    """Convert a name, a path or a dictionary of a scene to a `Scene`; a scene in any other form is returned unchanged.
+    """
     if isinstance(scene, (str, Path, dict)):
         return Scene(scene)
     activate_variant()
@@ -128,7 +129,7 @@ def described(scene: AnyScene) -> Scene | Prepared | mi.Scene:
 
 
 class Clock:
-    """A clock that measures the remaining part of a time budget."""
+    """The remaining part of a time budget for a reading."""
 
     def __init__(self, budget: float | None) -> None:
         self.end = math.inf if budget is None else time.perf_counter() + budget
@@ -273,8 +274,8 @@ def traced(
 
 
 def _render(scene: mi.Scene, points: int, seed: int, first: int):
-    """Readings, map and number of points as :func:`traced` returns them, by one of Mitsuba's own integrators, with all
-    LEDs lit at once.
+    """Trace readings by one of Mitsuba's own integrators, with all LEDs lit at once. Returns powers, map and number of
+    points, like :func:`traced`.
 
     A continuation from ``first`` points uses other random numbers.
     """

@@ -420,7 +420,7 @@ class Scene(Displayed):
 
 
 def _refuse_none(description: dict[str, Any], within: str = "scene") -> None:
-    """Raise if a dictionary contains None, for which Mitsuba's parser aborts the process."""
+    """Raise `InputError` if a scene's dictionary contains None, for which Mitsuba's parser would abort the process."""
     for name, value in description.items():
         if value is None:
             raise InputError(f"{within}: {name} = None is not allowed: leave it out.")
@@ -429,7 +429,7 @@ def _refuse_none(description: dict[str, Any], within: str = "scene") -> None:
 
 
 def _types(description: Mapping[str, Any]) -> Iterator[str]:
-    """Names of all plugins in a dictionary."""
+    """Names of all plugins in a dictionary that describes a scene."""
     for name, value in description.items():
         if name == "type" and isinstance(value, str):
             yield value

@@ -1,4 +1,4 @@
-"""Parameters of a scene with the value ``none``: the elements that use them are left out."""
+"""Elements of a scene that are left out, because they use a parameter with the value ``none``."""
 
 from __future__ import annotations
 

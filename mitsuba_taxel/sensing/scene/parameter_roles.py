@@ -99,8 +99,8 @@ def load_constants(scene: Path) -> dict[str, str]:
 
 
 def _uses(scene: Path) -> Iterator[tuple[str, str]]:
-    """Iterate over the roles in a scene, each with the text of its value; attributes without a role have an empty
-    role."""
+    """Iterate over all attributes of a scene's elements: the role (parameter of a plugin) and the text of the value.
+    The role is empty for attributes without one."""
     for root in (root for _, root in read_scene_file(scene)):
         for parent in root.iter():
             for element in parent:
@@ -109,7 +109,7 @@ def _uses(scene: Path) -> Iterator[tuple[str, str]]:
 
 
 def _words(element: ElementTree.Element, of_pad: bool) -> Iterator[tuple[str, str]]:
-    """Iterate over the roles that an XML element defines, each with the text of its value."""
+    """Iterate over the roles (parameters of plugins) that one XML element defines, each with the text of its value."""
     attributes = dict(element.attrib)
     value = attributes.pop("value", "")
     quantity = attributes.pop("name", "") if element.tag != "translate" else "translate"

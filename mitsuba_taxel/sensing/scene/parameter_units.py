@@ -38,7 +38,7 @@ def units_of_parameters(scene: Path) -> dict[str, str]:
 
 
 def _uses(scene: Path) -> Iterator[tuple[str, str]]:
-    """Iterate over pairs of a unit and the text of an attribute with that unit."""
+    """Iterate over the attributes of a scene that have a unit: the unit and the text of the attribute."""
     for element in (element for _, root in read_scene_file(scene) for element in root.iter()):
         specification = specifications().get(element.get("type", ""))
         parameters = {} if specification is None else specification.values()

@@ -20,7 +20,7 @@ FURTHEST = 1e8
 
 
 class Described(Protocol):
-    """Attributes of a `Scene` that messages name."""
+    """Interface: attributes of a `Scene` that error messages mention."""
 
     source: Path | dict[str, Any]
     parameters: dict[str, str]
@@ -56,7 +56,7 @@ def far_transforms(props: mi.Properties) -> dict[str, str]:
 
 
 def guilty_parameters(parameters: Mapping[str, str]) -> str:
-    """List the scene's parameters whose numbers are not finite or exceed :data:`FURTHEST`, as a part of an error
+    """List the scene's parameters whose numbers are not finite or exceed :data:`FURTHEST`, as text for an error
     message.
 
     Parameters
@@ -185,7 +185,7 @@ def with_own_parameters(message: str, scene: Described) -> str:
 
 
 def _begins_with(text: str, value: str) -> bool:
-    """Whether a text begins with a value of a scene; messages show values as numbers, words or tuples."""
+    """Whether a text begins with a value as messages show it: as a number, a word or a tuple."""
     value = value.strip()
     try:
         numbers = [float(word) for word in re.split(r"[\s,]+", value)]

@@ -154,7 +154,7 @@ def _word(name: str) -> str:
 
 
 def _put_back(root: ElementTree.Element, file: Path, parameters: Mapping[str, str]) -> None:
-    """Replace values by the parameters that the scene's file uses for them, plugin by plugin."""
+    """Replace values in the text of a scene by the parameters that the scene's file uses for them, plugin by plugin."""
     # Plugins of one kind are in the same order in both texts.
     plugins: dict[tuple[str, str], list[ElementTree.Element]] = {}
     for plugin in (element for element in root.iter() if element.get("type")):

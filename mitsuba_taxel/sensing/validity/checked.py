@@ -50,7 +50,7 @@ def known_points(scene: mi.Scene) -> dict[float, int]:
 
 
 def _keeper(scene: mi.Scene) -> PhototransistorSensor | None:
-    """The first phototransistor, on which the state of the checked scene is stored."""
+    """The first phototransistor of a scene: the object on which the result of the check is stored."""
     return next((sensor for sensor in scene.sensors() if is_phototransistor(sensor)), None)
 
 

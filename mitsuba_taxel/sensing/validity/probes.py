@@ -62,7 +62,8 @@ def _refuse_endless_light(scene: mi.Scene) -> None:
 
 
 def _may_return_all(end: mi.Endpoint) -> bool:
-    """Whether the face of an LED or a phototransistor absorbs less than 1e-4, or its reflectance is unknown."""
+    """Whether the face of an LED or phototransistor may reflect practically all light: it absorbs less than 1e-4, or
+    its reflectance is unknown."""
     cover = end.get_shape().bsdf()
     name = "led" if is_led(end) else "phototransistor"
     wall = wall_at(cover, name)

@@ -140,7 +140,7 @@ def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
 
 
 def _plane(outline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors in the plane of an outline, as columns (3, 2), and its normal (3,)."""
+    """Plane of a flat outline: two unit vectors in it, as columns (3, 2), and its normal (3,)."""
     _, _, rows = np.linalg.svd(outline - outline.mean(axis=0))
     return rows[:2].T, rows[2]
 

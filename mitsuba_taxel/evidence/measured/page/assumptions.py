@@ -1,4 +1,4 @@
-"""A section of the page of measured sensors: other assumptions of the pad, and their effects."""
+"""Section of the page of measured sensors: the effects of other assumptions about the pad."""
 
 from __future__ import annotations
 
@@ -43,7 +43,8 @@ def _shown(means: np.ndarray) -> list[str]:
 
 
 def _own(results: PadComparison) -> str:
-    """Sentences that compare the error of the worst predicted taxel with its error in the map."""
+    """Sentences that compare two errors of the worst predicted taxel: in the map of all taxels, and when the taxel
+    itself is pressed."""
     actual, computed, expected = expected_at(results)
     times = f"When it is pressed itself, taxel {PREDICTED} changes {expected / computed:.2f} times as much as computed"
     if abs(expected - actual) >= abs(computed - actual):

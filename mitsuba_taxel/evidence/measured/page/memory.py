@@ -1,4 +1,4 @@
-"""A section of the page of measured sensors: relaxation and loops of the pad under its indenter."""
+"""Section of the page of measured sensors: relaxation and hysteresis loops of the pad under its indenter."""
 
 from __future__ import annotations
 
@@ -153,8 +153,8 @@ def _missing() -> str:
 
 
 def _widths_alone() -> str:
-    """Sentences about the causes that the measured widths exclude, if changes of voltage and force are proportional to
-    travel."""
+    """Sentences about possible causes of the loops that the measured widths alone exclude, if changes of voltage and
+    force are proportional to travel."""
     force, at_travel, at_force = measured.FORCE_LOOP, measured.VOLTAGE_LOOP_AT_TRAVEL, measured.VOLTAGE_LOOP_AT_FORCE
     play = at_travel / 100 * measured.PRESSES[measured.PRESSED].travels[-1]
     lower, higher = abs(force - at_travel), force + at_travel

@@ -1,4 +1,4 @@
-"""A section of the page of measured sensors: the pad under its indenter."""
+"""Section of the page of measured sensors: force and readings of the pad under its indenter."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def _unknowns(results: PadComparison) -> list[list[str]]:
 
 
 def _valley(results: PadComparison) -> str:
-    """Sentences about other pairs of unknowns that fit nearly as well."""
+    """Sentences about other values of the fitted height and radius that fit nearly as well."""
     best = tuple(results.found.unknowns)
     alternatives = [
         f"{height:g} mm with {radius:g} mm ({100 * misfit:.1f} %)"
@@ -148,7 +148,7 @@ measured value:
 
 
 def _spread(results: PadComparison) -> str:
-    """Sentences about the differences of taxels at a force that all reach."""
+    """Sentences about how much the changes of the taxels differ at a force that all taxels reach."""
     at = min(
         compared.measured.force[np.isfinite(compared.change_at_force)].max() for compared in results.taxels.values()
     )
@@ -178,8 +178,8 @@ def _spread(results: PadComparison) -> str:
 
 
 def _light_at_rest(changes: np.ndarray, volts: np.ndarray) -> str:
-    """Sentences about the light at rest, from changes relative to rest and in volts, (2, taxels), measured and
-    computed."""
+    """Sentences about light that reaches the phototransistors at rest. The arguments are measured and computed changes
+    (2, taxels): relative to rest, and in volts."""
     relative_error, volt_error = (float(np.abs(values[1] / values[0] - 1).max()) for values in (changes, volts))
     if volt_error >= relative_error:
         return (
@@ -255,7 +255,7 @@ def _map_words(results: PadComparison) -> str:
 
 
 def _band_words(results: PadComparison) -> str:
-    """Sentences about the part of the map's error that differences between taxels explain."""
+    """Sentences about the part of the map's error that the spread of the taxels' sensitivities explains."""
     limits, difference = band(results), np.abs(results.moved - np.array(measured.HELD_MAP))
     times = difference / np.maximum(limits.deviation, ROUNDING)
     row, column = np.unravel_index(int(times.argmax()), times.shape)
@@ -284,7 +284,8 @@ def _band_words(results: PadComparison) -> str:
 
 
 def _widest(results: PadComparison) -> str:
-    """Sentences about a computed map that is too narrow or too wide, from all pads that were tried."""
+    """Sentences about whether the computed map is too narrow or too wide, compared with the maps of all pads that were
+    tried."""
     bench, model = (ring(np.array(values), 1) for values in (measured.HELD_MAP, results.centred))
     height, mean, change = results.widest
     means = f"The mean of the four nearest taxels is {bench:.0f} % measured and {model:.0f} % computed."

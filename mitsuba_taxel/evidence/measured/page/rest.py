@@ -1,4 +1,4 @@
-"""A section of the page of measured sensors: spread of the voltages at rest."""
+"""Section of the page of measured sensors: spread of the voltages at rest."""
 
 from __future__ import annotations
 

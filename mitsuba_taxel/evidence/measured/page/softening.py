@@ -1,4 +1,4 @@
-"""A section of the page of measured sensors: Mullins' effect as a cause of the loops of the pad."""
+"""Section of the page of measured sensors: Mullins' effect as a possible cause of the hysteresis loops of the pad."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _HEADS = ("beta", "r", "m / E", "force", "energy", "voltage at equal force", "vo
 
 
 def softening_section(study: xr.Dataset) -> str:
-    """The section of the page, from the first loading of :func:`first_loading`."""
+    """The section of the page of measured sensors on Mullins' effect, from the data of :func:`first_loading`."""
     free, fits = fit(study), {beta: fit(study, beta) for beta in BETAS}
     rows = [["measured", "", "", *(f"{width:g}" for width in MEASURED)]]
     for label, fitted in (("free", free), *((f"{beta:g}", fitted) for beta, fitted in fits.items())):

@@ -1,1 +1,1 @@
-"""Sections of the page of the paper, a file each. Input: studies of a rerun. Output: Markdown."""
+"""Sections of the page on the paper (`paper.md`), a file each."""

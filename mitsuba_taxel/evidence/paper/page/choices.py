@@ -1,4 +1,4 @@
-"""A section of the page: effect of the choices that the paper leaves open."""
+"""Section of the page on the paper: effect of the choices that the paper leaves open."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ larger of those along x and y.
 
 
 def _computed(tables: Mapping[str, Any]) -> str:
-    """Sentences with the number of computed choices, and those that are not computed."""
+    """Sentences with the number of choices that are computed, and the names of those that are not."""
     names = [choice.words for choice in choices() if choice.words not in tables]
     missing = f" Not computed: {'; '.join(names)}." if names else ""
     return paragraph(f"{len(tables)} of {len(choices())} choices and pairs are computed.{missing}")
@@ -105,7 +105,7 @@ def _height(peak: plate.CurveMaximum) -> str:
 
 
 def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) -> str:
-    """Single choices, ranked by their effect on the eight slopes."""
+    """Sentences that rank the single choices by their effect on the eight slopes."""
     nominal = tables[NOMINAL]
 
     def typical_factor(words: str) -> float:
@@ -125,7 +125,7 @@ def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) ->
 def _unexplained(
     tables: Mapping[str, Any], fits: Mapping[str, CommonFactorFit], heights: Mapping[str, plate.CurveMaximum]
 ) -> str:
-    """Remaining ratios of the choices with the least misfit, number by number."""
+    """Sentences on the choices that fit best: the remaining ratio of each published number to its fit."""
     consistent = [words for words in tables if abs(heights[words].at - paper.PEAK_HEIGHT) <= NEAR_THE_DATASHEET]
     groups = {"Of all choices": tables, "Of the choices with a peak within 0.03 mm of the datasheet's": consistent}
     lines = []

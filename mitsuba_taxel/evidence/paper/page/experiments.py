@@ -1,4 +1,4 @@
-"""A section of the page: the paper's experiments."""
+"""Section of the page on the paper: its experiments, simulated and measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sections of the page: four shapes under normal and tangential load."""
+"""Sections of the page on the paper: the four cell shapes under normal and tangential load."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ that of the derivatives (light, mechanics and geometry). The tangential slope is
 
 
 def _orders(table: Mapping[str, Mapping[str, Sensitivity]]) -> str:
-    """Sentences that compare the order of the shapes with the paper's."""
+    """Sentences that compare the order of the cell shapes by sensitivity with the order in the paper."""
     lines = []
     for kind, published in PUBLISHED.items():
         values = {cell: slope.max_slope for cell, slope in table[kind].items()}
@@ -76,7 +76,7 @@ def _orders(table: Mapping[str, Mapping[str, Sensitivity]]) -> str:
 
 
 def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
-    """Seconds by stage, and accuracy of the readings."""
+    """Sentences on the computing time by stage, in s, and on the accuracy of the readings."""
     studies = [study for paths in nominal.values() for study in paths.values()]
     seconds: dict[str, float] = {}
     for study in studies:
@@ -142,5 +142,5 @@ Reasons for the end, at the first step that fails:
 
 
 def _shorter(text: str) -> str:
-    """A text with numbers shortened to four digits."""
+    """Shorten the numbers in a text to four digits."""
     return re.sub(r"\d+\.\d{4,}", lambda number: f"{float(number[0]):.4g}", text)

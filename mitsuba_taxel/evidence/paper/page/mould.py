@@ -89,7 +89,7 @@ def write_moulds(studies: Moulds, docs: Path, command: str) -> Path:
 
 
 def page_of(figures: Figures, command: str) -> str:
-    """The page as Markdown, from figures of merit by walls."""
+    """The page on printed moulds as Markdown, from figures of merit by pad."""
     designed, others = list(design()), list(rest())
     about = _ABOUT.format(
         mesh=MESH_SIZE,
@@ -139,7 +139,8 @@ tables above.
 
 
 def _chosen(figures: Figures, pad: str, changed: bool) -> dict[MouldWalls, MouldFigures]:
-    """Rows of a pad, with another assembly or as designed."""
+    """Rows of a table: the pads with the numbers of cells ``pad`` whose assembly is changed (``changed``) or as
+    designed."""
     return {w: row for w, row in figures.items() if w.pad == pad and (w.change != AS_DESIGNED) == changed}
 
 
@@ -153,12 +154,12 @@ def _setting_name(wall: MouldWalls) -> str:
 
 
 def _walls(wall: MouldWalls) -> tuple[str, str, str]:
-    """Cells of a table."""
+    """First cells of a table row: mould, roof and sides of a pad."""
     return wall.mould, wall.roof, f"{wall.side:.0%}"
 
 
 def _computed(figures: Figures) -> str:
-    """Table of rows of one pad, or of changes of the assembly; columns without numbers are left out."""
+    """Table of computed pads, as Markdown; columns without numbers are left out."""
     with_change = any(wall.change != AS_DESIGNED for wall in figures)
     what = ("pad", "assembly") if with_change else ("mould", "roof", "sides")
     columns = {"least": "least", "most": "most", "nonlinearity": "nonlinearity [%]", "along_x": "along x"}
@@ -197,23 +198,23 @@ def _measured() -> str:
 
 
 def reference(wall: MouldWalls) -> MouldWalls:
-    """The row to compare with: flat cells with equal roof, sides and assembly, from a smooth mould."""
+    """The pad to compare with: flat cells with equal roof, sides and assembly, from a smooth mould."""
     return replace(wall, cell=FLAT, layer=0.0, direction="")
 
 
 def size(number: Number) -> Number:
-    """Magnitude of a number, with its error."""
+    """Magnitude of a number with its error: a pair (value, error)."""
     return abs(number[0]), number[1]
 
 
 def ratio(first: Number, second: Number) -> Number:
-    """The first number divided by the second, as magnitudes; their errors are independent."""
+    """Ratio of two numbers with independent errors, as a magnitude with its error."""
     value = abs(first[0] / second[0])
     return value, math.hypot(first[1], value * second[1]) / abs(second[0])
 
 
 def difference(first: Number, second: Number) -> Number:
-    """The first number minus the second; their errors are independent."""
+    """Difference of two numbers with independent errors, with its error."""
     return first[0] - second[0], math.hypot(first[1], second[1])
 
 
@@ -229,7 +230,8 @@ def _bend(number: Number) -> str:
 
 
 def _settings(figures: Figures) -> Iterator[tuple[MouldWalls, dict[str, MouldFigures]]]:
-    """Figures by shape for each setting of walls that was computed for both round shapes and for flat cells."""
+    """Figures of merit by cell shape, for each combination of walls that was computed for both round shapes and for
+    flat cells."""
     for wall in figures:
         other, flat = replace(wall, cell=ROUND[1]), reference(wall)
         if wall.cell == ROUND[0] and other in figures and flat in figures:
@@ -302,7 +304,8 @@ def judgement(figures: Figures) -> list[str]:
 
 
 def _nearest(figures: Figures) -> Iterator[str]:
-    """The walls nearest to the measurements, of whole pads and of one cell."""
+    """Sentences on the walls whose computed ratios are nearest to the measured ratios, for whole pads and for one cell.
+    """
     for pad in (PAD, CELL):
         settings = [(wall, row) for wall, row in _settings(figures) if wall.pad == pad]
         if not settings:
@@ -320,8 +323,8 @@ def _nearest(figures: Figures) -> Iterator[str]:
 
 
 def _pairs(figures: Figures) -> Iterator[tuple[MouldWalls, Number, Number]]:
-    """Effect of the steps alone on rows of round cells: changes of sensitivity in W/N and of nonlinearity in percentage
-    points."""
+    """Effect of the printed steps alone on pads with round cells: changes of sensitivity in W/N and of nonlinearity in
+    percentage points."""
     for wall, row in sorted(figures.items(), key=lambda item: _order(item[0])):
         smooth = replace(wall, layer=0.0, direction="")
         if wall.layer and wall.cell in ROUND and smooth in figures:
@@ -333,7 +336,7 @@ def _pairs(figures: Figures) -> Iterator[tuple[MouldWalls, Number, Number]]:
 
 
 def _effects_of_steps(figures: Figures) -> Iterator[dict[str, str]]:
-    """The table of :func:`_pairs`, by heading."""
+    """Table of the effects of printed steps, from :func:`_pairs`, by heading."""
     for wall, slope, bend in _pairs(figures):
         yield {
             **dict(zip(WALL_HEADS, (wall.cell, wall.pad, *_walls(wall)), strict=True)),
@@ -349,7 +352,7 @@ def _direction(value: float, error: float, above: str, below: str) -> str:
 
 
 def _statement_on_steps(figures: Figures) -> Iterator[str]:
-    """Whether steps lower the sensitivity of round cells, as the paper supposes."""
+    """Sentences on the paper's supposition that printed steps lower the sensitivity of round cells."""
     pairs = [(wall, slope) for wall, slope, _ in _pairs(figures)]
     if not pairs:
         return
@@ -376,7 +379,7 @@ def _statement_on_steps(figures: Figures) -> Iterator[str]:
 
 
 def _statement_on_shapes(figures: Figures) -> Iterator[str]:
-    """Whether flat cells are the most sensitive, under normal and tangential forces."""
+    """Sentences on whether flat cells are the most sensitive, under normal and under tangential forces."""
     settings = [row for wall, row in _settings(figures) if wall.pad == PAD]
     if not settings:
         return
@@ -400,7 +403,7 @@ def _range(values: Iterable[float]) -> str:
 
 
 def _statement_on_linearity(figures: Figures) -> Iterator[str]:
-    """Whether walls explain the measured nonlinearity."""
+    """Sentences on whether the walls explain the measured nonlinearity."""
     for cell in (FLAT, *ROUND):
         whole = [row.nonlinearity for wall, row in figures.items() if wall.cell == cell and wall.pad == PAD]
         if not whole:
@@ -414,7 +417,7 @@ def _statement_on_linearity(figures: Figures) -> Iterator[str]:
 
 
 def _other_explanations(figures: Figures) -> Iterator[str]:
-    """Whether another assembly brings the ratios near those measured."""
+    """Sentences on whether a change of the assembly brings the computed ratios near the measured ratios."""
     settings = {
         wall.change: row
         for wall, row in _settings(figures)

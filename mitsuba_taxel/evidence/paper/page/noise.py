@@ -1,4 +1,5 @@
-"""Sections of the page: counted rays, and whether Table 1 is their noise."""
+"""Sections of the page on the paper: readings by counted rays, and whether the sensitivities in Table 1 are noise of
+the counts."""
 
 from __future__ import annotations
 

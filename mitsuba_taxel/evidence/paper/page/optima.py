@@ -172,7 +172,7 @@ def _section(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
 
 
 def _reach_of(shapes: Mapping[str, xr.Dataset]) -> str:
-    """Sentences with the forces up to which the best pads may be loaded."""
+    """Sentences with the largest normal forces that the best pads bear without contact."""
     ends = [
         f"the {cell} one to {optimum.attrs['reach']:.3g} N ({optimum.attrs['reach_ended']})"
         for cell, optimum in shapes.items()
@@ -183,7 +183,7 @@ def _reach_of(shapes: Mapping[str, xr.Dataset]) -> str:
 
 
 def _best_of(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
-    """The best of the paper's shapes compared with the best of all."""
+    """Sentences that compare the best of the paper's shapes with the best of all shapes, for one purpose."""
     scale, unit = SCALES[purpose]
     sign = -1 if purpose == "resolution" else 1
     before = max(paper.CELLS, key=lambda cell: sign * _goal(shapes[cell])[0])
@@ -202,7 +202,7 @@ def _best_of(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
 
 
 def _profiles_of(shapes: Mapping[str, xr.Dataset]) -> str:
-    """The best profiles compared with the paper's shapes, before and after."""
+    """Sentences that compare optimised roof profiles with the paper's shapes, before and after their optimisation."""
     ends = [(cell, *_goal(shapes[cell])) for cell in paper.CELLS]
     (first, before, _), (second, _, after) = max(ends, key=lambda row: row[1]), max(ends, key=lambda row: row[2])
     best = {cell: _goal(shapes[cell])[1] for cell in PROFILES if cell in shapes}
@@ -218,7 +218,7 @@ def _values(optimum: xr.Dataset) -> dict[str, float]:
 
 
 def _roof(optimum: xr.Dataset) -> list[str]:
-    """Words with the points of a profile."""
+    """Text with the points of a roof profile."""
     values = _values(optimum)
     if "r1" not in values:
         return []
@@ -228,7 +228,7 @@ def _roof(optimum: xr.Dataset) -> list[str]:
 
 
 def _lean(optimum: xr.Dataset) -> list[str]:
-    """A phrase that says how far the tops of the cells lie off their axes; none for upright cells."""
+    """Phrase with the distance by which the tops of the cells are shifted from their axes; empty for upright cells."""
     values = _values(optimum)
     if "top_x" not in values:
         return []
@@ -238,7 +238,7 @@ def _lean(optimum: xr.Dataset) -> list[str]:
 
 
 def _optimal(optimum: xr.Dataset) -> str:
-    """Words that say whether the design is a local optimum, or what another descent may gain."""
+    """Text on whether the design is a local optimum, or how much another descent may gain."""
     if optimum.attrs["unbalanced"] + optimum.attrs["unbalanced_error"] <= BALANCED:
         return "yes"
     if np.isnan(optimum.attrs["beyond"]):
@@ -249,13 +249,14 @@ def _optimal(optimum: xr.Dataset) -> str:
 
 
 def _left(optimum: xr.Dataset) -> str:
-    """Remaining slope within the constraints as text, with its error if several gradients are known."""
+    """Text with the remaining slope of the objective within the constraints, and its error if several gradients are
+    known."""
     error = optimum.attrs["unbalanced_error"]
     return f"{optimum.attrs['unbalanced']:.1%}{f' ± {error:.1%}' if np.isfinite(error) else ''}"
 
 
 def _descents(purpose: str, cell: str, optimum: xr.Dataset) -> str:
-    """Words with the end of each descent, and whether more evaluations could improve it."""
+    """Text with the reason why each descent ended, and whether more evaluations could improve its result."""
     scale, unit = SCALES[purpose]
     _, limit = EFFORT[purpose, cell]
     columns = (optimum[f"descent_{name}"].values for name in ("best", "designs", "failed", "seconds", "close"))
@@ -269,7 +270,7 @@ def _descents(purpose: str, cell: str, optimum: xr.Dataset) -> str:
 
 
 def _goal(optimum: xr.Dataset) -> tuple[float, float]:
-    """The objective before and after the optimisation, on the finer mesh if possible."""
+    """Text with the objective before and after the optimisation, on the finer mesh if possible."""
     ends = (f"figures_{when}{'_finer' if 'figures_best_finer' in optimum else ''}" for when in ("before", "best"))
     before, best = (float(optimum[name].values[0]) for name in ends)
     return before, best
@@ -317,5 +318,5 @@ def _draw_bars(ax: Any, purpose: str, shapes: Mapping[str, xr.Dataset]) -> None:
 
 
 def _short(cell: str) -> str:
-    """Short words for a shape, such as ``parall.`` and ``square / profile``."""
+    """Short name of a cell shape for tables, such as ``parall.`` and ``square / profile``."""
     return "\n".join(word if len(word) < 8 else f"{word[:6]}." for word in cell.split())

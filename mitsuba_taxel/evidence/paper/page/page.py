@@ -1,4 +1,4 @@
-"""The page of a rerun: tables, figures, and text whose numbers come from the studies."""
+"""The page on the paper (`paper.md`): tables, figures, and text whose numbers come from the studies of a rerun."""
 
 from __future__ import annotations
 
@@ -50,7 +50,8 @@ SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (
 
 
 def write_pages(studies: Found, docs: Path, command: str) -> list[Path]:
-    """Write the pages with any complete part: ``paper.md``, ``optimum.md`` (best sensors), ``mould.md`` (moulds)."""
+    """Write all pages of which at least one part is complete: ``paper.md``, ``optimum.md`` (best sensors) and
+    ``mould.md`` (printed moulds)."""
     pages = [write_page(studies, docs, command)] if set(studies) - {"optimum", *BY_NAME_ONLY} else []
     if "optimum" in studies:
         pages.append(write_optima(studies["optimum"], docs, command))

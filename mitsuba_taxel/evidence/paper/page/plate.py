@@ -1,4 +1,4 @@
-"""Sections of the page: the photo-reflector under a mirror plate."""
+"""Sections of the page on the paper: the photo-reflector under a mirror plate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Common parts of the sections of the page: studies, and numbers as text."""
+"""Text shared by the sections of the page on the paper: names of studies, and numbers as text."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ paragraph = partial(fill, width=120, break_long_words=False, break_on_hyphens=Fa
 
 
 def micro(value: float, error: float) -> str:
-    """A number and its error in millionths of its unit."""
+    """Text of a number and its error in millionths of its unit, such as µW for W."""
     return with_error(1e6 * value, 1e6 * error)
 
 
 def steepest(slope: Sensitivity) -> str:
-    """Maximum slope in µW/N with its error."""
+    """Text of a maximum slope in µW/N, with its error."""
     return micro(slope.max_slope, slope.max_slope_error)
