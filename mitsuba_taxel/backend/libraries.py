@@ -93,6 +93,6 @@ def _trusted_folders() -> list[Path]:
 
 
 def _libraries(folder: Path, name: str) -> list[Path]:
-    """Existing libraries of a plugin in a folder."""
+    """Paths of the existing libraries of a plugin in a folder, such as ``plugins/bsdf.so``."""
     files = (os.path.join(folder, "plugins", f"{name}{ending}") for ending in _ENDINGS)
     return [Path(file) for file in files if os.path.lexists(file)]

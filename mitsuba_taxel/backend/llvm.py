@@ -112,8 +112,8 @@ def _skip_optional_passes(library: str) -> None:
 
     The code that Dr.Jit generates is vectorised and contains no dead code already. Results keep all their digits.
     Random paths take up to 5 % longer, which exceeds the savings only in long runs. Neither LLVM nor Dr.Jit has a
-    function for this, so the option is used with which LLVM's developers search for a faulty pass; an LLVM without that
-    option ignores it.
+    function for this. Therefore an option is used with which LLVM's developers search for faulty passes; versions of
+    LLVM without this option ignore it.
     """
     options = (b"mitsuba_taxel", b"-opt-bisect-verbose=0", b"-opt-bisect-limit=0")
     parse = ctypes.CDLL(library).LLVMParseCommandLineOptions
@@ -170,7 +170,7 @@ def _folders() -> list[str]:
 
 
 def _newest(libraries: Iterable[Path]) -> Path | None:
-    """The library of the highest suitable version; None if there is none."""
+    """Library of LLVM with the highest suitable version; None if no library is suitable."""
     fit = [(version, path) for path in libraries if path.exists() and (version := _version(path)) >= OLDEST_LLVM]
     return max(fit)[1] if fit else None
 
@@ -190,6 +190,7 @@ def _version(path: Path) -> int:
 
 
 def _asked_version(path: Path) -> int:
-    """Major version as the library itself states it; 0 if it cannot be loaded, or is older than version 16."""
+    """Major version of LLVM that a library reports when it is loaded; 0 if it cannot be loaded, or is older than
+    version 16."""
     asked = subprocess.run([sys.executable, "-I", "-S", "-c", _VERSION, str(path)], capture_output=True, text=True)
     return int(asked.stdout) if asked.returncode == 0 else 0

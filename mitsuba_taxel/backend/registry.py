@@ -175,7 +175,8 @@ def _register_plugins(variant: str) -> None:
 
 
 def _made(module: str) -> Callable[..., object]:
-    """Constructor of a plugin whose module is imported at first use, or reloaded now if it is imported already."""
+    """Create the constructor of a plugin: it imports the plugin's module at first use. If the module is imported
+    already, it is reloaded now."""
     name = "".join(word.capitalize() for word in module.rpartition(".")[2].split("_"))
     if module in sys.modules:
         importlib.reload(sys.modules[module])
@@ -187,7 +188,8 @@ def _made(module: str) -> Callable[..., object]:
 
 
 def _refusal(name: str, variant: str) -> Callable[..., object]:
-    """Constructor that raises an error on the variants that a plugin supports."""
+    """Create a constructor that raises an error, for a plugin in an unsupported variant; the error names the supported
+    variants."""
 
     def refuse(props: object) -> object:
         raise ValueError(

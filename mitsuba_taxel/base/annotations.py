@@ -1,4 +1,4 @@
-"""Annotations of classes as text, in every version of Python."""
+"""Annotations of classes as source text, in the same form in every version of Python."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def kept(maximum: int | None) -> Callable[[_Function], _Function]:
 
 
 class _OfFunction:
-    """The cache of a decorated function."""
+    """Cache of a function that is decorated by :func:`kept`."""
 
     def __init__(self, wrapped: Any) -> None:
         self.clear = wrapped.cache_clear

@@ -71,7 +71,8 @@ def own_code(own: type) -> str:
 
 
 def _code_of(own: type) -> Iterator[str]:
-    """Code of the methods, and values of the constants, of a class, without addresses in memory."""
+    """Text of the code of a class for its digest: the methods, and the values of the constants, without addresses in
+    memory."""
     for name, value in sorted(vars(own).items()):
         if isinstance(value, property):
             value = value.fget

@@ -74,7 +74,8 @@ def characteristics(experiments: Iterable[Experiment], off: Changed | None = Non
 
 
 def _figures(experiments: Iterable[Experiment]) -> list[dict[str, Any]]:
-    """Rows of all slopes and deviations; ``derived`` marks errors that come from derivatives."""
+    """Table rows of all slopes and deviations of experiments. The column ``derived`` marks errors that come from errors
+    of derivatives."""
     return [row for experiment in experiments for row in (*_slopes(experiment), *_deviations(experiment))]
 
 
@@ -126,7 +127,7 @@ def _rows(
     branch: Branch,
     remarks: Sequence[str] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """A row for each taxel of one figure; ``numbers`` are its value, error and force, each (channels,)."""
+    """Table rows of one figure, one for each taxel. ``numbers`` are the values, errors and forces, each (channels,)."""
     ends = branch.force[[0, -1]] if len(branch.force) else (np.nan, np.nan)
     remarks = remarks or [""] * len(experiment.taxel)
     for taxel, value, error, position, remark in zip(experiment.taxel.tolist(), *numbers, remarks, strict=True):

@@ -135,7 +135,8 @@ def _overlap(first: Branch, second: Branch) -> tuple[float, float]:
 
 
 def _difference(first: Branch, second: Branch) -> tuple[np.ndarray, np.ndarray]:
-    """Forces (points,) of both branches, and the difference of the branches there; it is linear in between."""
+    """Forces (points,) at which either of two branches has a point, and the difference of the branches there. The
+    difference is linear in between."""
     low, high = _overlap(first, second)
     if not low < high:
         raise InputError(
@@ -147,7 +148,8 @@ def _difference(first: Branch, second: Branch) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _deviation(force: np.ndarray, difference: np.ndarray, largest_change: np.ndarray) -> Deviation:
-    """Largest difference over largest change: a ratio of means over the replicates, with its error to first order."""
+    """Largest difference of two branches divided by the largest change of the readings. It is a ratio of means over the
+    replicates, with its error to first order."""
     maximum = at_largest(difference)
     largest = largest_change.mean(axis=0)
     normalizer = np.where(largest > 0, largest, np.nan)

@@ -127,7 +127,7 @@ def fitted_slopes(force: np.ndarray, samples: np.ndarray, positions: np.ndarray)
 
 
 def _noise(basis: np.ndarray, readings: np.ndarray) -> np.ndarray:
-    """Covariance (N, N) of the means of readings (N, R) as it is used for weights.
+    """Covariance (N, N) of the means of noisy readings (N, R), from which weights are computed.
 
     It is diagonal in the amplitudes of orthogonal polynomials: the sample covariance of few replicates has directions
     of too little noise, which weights would exploit.
@@ -139,7 +139,8 @@ def _noise(basis: np.ndarray, readings: np.ndarray) -> np.ndarray:
 
 
 def _priors(basis: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Variances of the coefficients for each size and ratio (H, K), and the probability of each (H,)."""
+    """Prior variances of the coefficients of a curve, for each pair of size and ratio (H, K), and the probability (H,)
+    of each pair."""
     mean, noise = readings.mean(axis=1), _noise(basis, readings)
     scale = np.ptp(mean) or 1.0
     degrees = np.arange(basis.shape[1])

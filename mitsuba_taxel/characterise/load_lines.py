@@ -36,8 +36,8 @@ class LoadLine:
 
     @property
     def ordered(self) -> bool:
-        """Whether the load passed through the forces in this order. It did not if the force is a dimension of the
-        study: the forces then belong to independent scenes.
+        """Whether the load actually passed through the forces in this order. If the force is a dimension of the study,
+        it did not: the forces then belong to independent scenes.
         """
         return self.dim not in FORCES
 
@@ -223,7 +223,7 @@ def _experiment(
 
 
 def _set_line(study: xr.Dataset, dim: str) -> LoadLine:
-    """The line of a force that is a dimension of the study, from the smaller magnitude to the larger."""
+    """The line of load along a force that is a dimension of the study, from the smaller magnitude to the larger."""
     positions = np.argsort(study[dim].values)
     force = study[dim].values[positions]
     outward = slice(None, None, -1 if abs(force[0]) > abs(force[-1]) else 1)
@@ -268,7 +268,7 @@ def _path_lines(study: xr.Dataset, dim: str, listed: list[str]) -> Iterator[Load
 
 
 def _line(dim: str, positions: np.ndarray, forces: np.ndarray, coordinates: dict[str, np.ndarray]) -> LoadLine:
-    """The line through ``forces`` (points, 3), its direction free of rounding."""
+    """The line of load through ``forces`` (points, 3) in N. Rounding errors are removed from its direction."""
     direction = forces[-1] - forces[0]
     direction = direction / np.linalg.norm(direction)
     direction[np.abs(direction) < np.sqrt(2 * SAME_DIRECTION)] = 0

@@ -163,7 +163,8 @@ def _modes(count: int) -> np.ndarray:
 
 @kept(8)
 def _resampled(*counts: int) -> list[np.ndarray]:
-    """Bootstrap weights (DRAWS, count) of each half of the replicates, of ``counts`` replicates; always the same."""
+    """Bootstrap weights (DRAWS, count) of the replicates of each half, for halves with ``counts`` replicates. The draw
+    is always the same."""
     random = np.random.default_rng(0)
     even = [(count, np.full(count, 1 / count)) for count in counts]
     drawn = [[random.multinomial(*half) / half[0] for half in even] for _ in range(DRAWS)]
@@ -171,11 +172,12 @@ def _resampled(*counts: int) -> list[np.ndarray]:
 
 
 def _at_largest_of(reference: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values (..., points, channels) where ``reference`` is largest in magnitude, times its sign: (..., channels)."""
+    """Values (..., channels) at the point where ``reference`` is largest in magnitude, multiplied by the sign of the
+    reference there; from values (..., points, channels)."""
     index = np.abs(reference).argmax(axis=-2)
     return _at(values, index) * np.sign(_at(reference, index))
 
 
 def _at(values: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """Values (..., points, channels) at the index of each channel: (..., channels)."""
+    """Select values (..., channels) at the point ``index`` of each channel, from values (..., points, channels)."""
     return np.take_along_axis(values, index[..., None, :], axis=-2)[..., 0, :]

@@ -87,7 +87,8 @@ def resolution(study: xr.Dataset, noise: float | None = None, circuit: Circuit |
 
 
 def _error(slopes: np.ndarray, errors: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Standard errors (..., P) of the roots of the covariance's diagonal, due to those of the slopes (..., T, P).
+    """Standard errors (..., P) of the resolution of P parameters, due to the errors of the slopes (..., T, P) of T
+    taxels.
 
     The correlation of the errors of derivatives is unknown. Finite elements change the derivatives with respect to one
     parameter at all taxels together, as a softer pad would, or at each taxel independently, as meshes are irregular.

@@ -147,5 +147,5 @@ def _all_slopes(run: Branch) -> tuple[np.ndarray, ...]:
 
 
 def _unit(study: xr.Dataset, name: str) -> str:
-    """Unit of a figure of a study."""
+    """Unit of a figure of merit of a study, such as W/N."""
     return "N" if name == "max_slope_at" else "%/N" if name.startswith("relative") else f"{unit_of(study)}/N"

@@ -86,7 +86,8 @@ def scenes_changed_by_shape(study: xr.DataTree) -> dict[Mode, list[xr.DataTree]]
 
 
 def _by_mode(modes: list[Mode], changed: tuple) -> dict[Mode, list]:
-    """Studies changed up and down, in the order of the modes, by mode."""
+    """Group studies by mode. ``changed`` lists the study changed up and the study changed down for each mode, in the
+    order of ``modes``."""
     return {mode: list(pair) for mode, pair in zip(modes, zip(changed[::2], changed[1::2], strict=True), strict=True)}
 
 
@@ -149,7 +150,8 @@ def besides_shape(error: np.ndarray, shifts: Iterable[np.ndarray]) -> np.ndarray
 
 
 def _modes(scenes: list[xr.Dataset]) -> list[Mode]:
-    """Modes of the errors of scenes: kinds of errors in the scenes, and the course for each power of varied forces."""
+    """All modes of the errors of several scenes: a pair of a kind of error and the powers of the varied forces for
+    each."""
     kinds = [(kind,) for kind in KINDS if any(kind in scene for scene in scenes)]
     forces = {name for scene in scenes for name in _varied(with_forces_named(scene))}
     powers = [
@@ -166,9 +168,10 @@ def _varied(study: xr.Dataset) -> list[str]:
 
 
 def _changed(study: xr.Dataset, modes: list[Mode]) -> tuple[xr.Dataset, ...]:
-    """The study with all readings changed by each mode, up and down; its forces are called by name.
+    """Copies of a study whose readings are changed by each mode, up and down. Forces have the names ``fx``, ``fy`` and
+    ``fz``.
 
-    Whatever modes have in common is computed once: xarray takes a millisecond for each operation.
+    Quantities that all modes share are computed once: xarray takes a millisecond for each operation.
     """
     if "replicate_power" not in study or not any(kind in study for kind in KINDS):
         return (study,) * (len(SIGNS) * len(modes))
@@ -190,8 +193,8 @@ def _changed(study: xr.Dataset, modes: list[Mode]) -> tuple[xr.Dataset, ...]:
 
 
 def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
-    """Stated error of each reading, with the same sign along a path, and the fraction common to the path, by kind of
-    error.
+    """Size of the error of each reading, by kind of error, and the fraction of the error that is common to the load
+    path. Errors have the same sign along a path.
 
     The error of the mechanics is that of `Readings.mechanics_error`, times the factor of :func:`_by_derivatives`; its
     sign is that of the sum of deviations. The error of the facets is a constant fraction of the power along a curve.
@@ -255,8 +258,8 @@ def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
 
 
 def _along_steps(study: xr.Dataset) -> dict[str, xr.DataArray]:
-    """Ratio of the change of each derivative with respect to a force to the change of the reading along a step, by
-    dimension.
+    """For each dimension: ratio of the change of a derivative with respect to a force to the change of the reading
+    along a step.
 
     Along a path in which several forces change, the slope is that in the direction of the step.
     """
@@ -275,8 +278,8 @@ def _along_steps(study: xr.Dataset) -> dict[str, xr.DataArray]:
 
 
 def _with_change(study: xr.Dataset, change: xr.DataArray, along: Mapping[str, xr.DataArray]) -> list[xr.Dataset]:
-    """The study with readings and their derivatives with respect to forces changed, up and down; ``along``:
-    :func:`_along_steps`."""
+    """Copies of a study whose readings are changed by ``change`` up and down. Derivatives with respect to forces change
+    accordingly; ``along`` is the result of :func:`_along_steps`."""
     changes = {"replicate_power": change}
     if "derivative" in study:
         slopes = ((_steps(change, dim) * relative).fillna(0.0) for dim, relative in along.items())
@@ -307,7 +310,8 @@ def _relative_loads(study: xr.Dataset) -> dict[str, xr.DataArray]:
 
 
 def _course(loads: Mapping[str, xr.DataArray], powers: list[str]) -> xr.DataArray:
-    """phi_m at the loads ``x`` of :func:`_relative_loads`."""
+    """Functions phi_m of the module text: the courses of an error over the loads, at the relative loads of
+    :func:`_relative_loads`."""
     course = xr.DataArray(1.0 if set(powers) <= set(loads) else 0.0)
     for name, load in loads.items():
         power = powers.count(name)

@@ -91,7 +91,7 @@ def _named(leaf: xr.Dataset) -> xr.Dataset:
 
 
 def _shown(study: xr.Dataset | xr.DataTree, circuit: Circuit | None) -> list[Experiment]:
-    """The experiments of a study in watts and, with a circuit, in volts as well."""
+    """Experiments of a study as they are shown: in watts and, with a circuit, in volts as well."""
     watts = experiments(study)
     if circuit is None:
         return watts

@@ -116,7 +116,7 @@ def relative_slope(run: Branch, run_slopes: Slopes, rest: np.ndarray) -> tuple[n
 
 
 def _of_tangents(force: np.ndarray, tangents: Tangents) -> Slopes:
-    """Slopes of the cubic Hermite curves through values and slopes at forces (points,)."""
+    """Slopes of the cubic Hermite curves through values and slopes at the forces (points,) of a run."""
     from scipy.interpolate import CubicHermiteSpline
 
     order = np.argsort(force)
@@ -141,7 +141,7 @@ def _of_tangents(force: np.ndarray, tangents: Tangents) -> Slopes:
 
 
 def _of_fit(force: np.ndarray, samples: np.ndarray) -> Slopes:
-    """Slopes of the smooth curve through samples (points, replicates, channels) at forces (points,).
+    """Slopes of the smooth curve that is fitted to samples (points, replicates, channels) at forces (points,).
 
     The mean slope is the difference of the readings at the ends, which needs no curve.
     """
@@ -171,7 +171,7 @@ def _between(positions: np.ndarray, x: np.ndarray, values: np.ndarray) -> np.nda
 
 
 def _at_zero(run: Branch) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (points,) of the derivative at zero force, and the samples of these points."""
+    """Weights (points,) with which samples near zero force give the derivative at zero force, and these samples."""
     nearest = np.argsort(np.abs(run.force), kind="stable")[:3]
     x = run.force[nearest]
     outside = max(run.force.min(), -run.force.max(), 0.0)

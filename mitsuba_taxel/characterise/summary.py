@@ -58,7 +58,7 @@ def most_affected(compared: Sequence[Experiment]) -> Channel:
 
 
 def slope_summary(study: xr.Dataset) -> tuple[str, pandas.DataFrame]:
-    """Table of the slopes along the first run of each line of load.
+    """Short table of the slopes of a study, along the first run of each line of load.
 
     For a single line of load the table has a row per taxel. For several lines along the same force it has a row per
     line, for the channel of :func:`common_channel`.

@@ -152,8 +152,8 @@ def symmetric_pairs(maps: Iterable[TangentialMap]) -> pandas.DataFrame:
 
 
 def _pairs(taxels: TangentialMap, sign: int) -> Iterator[dict[str, Any]]:
-    """Pairs of taxels that are mirror images in the line of the load (``sign`` 1), or in the line across it (``sign``
-    -1)."""
+    """Pairs of taxels that are mirror images of each other: in the line of the load (``sign`` 1), or in the line across
+    it (``sign`` -1)."""
     rows, columns = taxels.shape
     y, x = np.meshgrid((rows - 1) / 2 - np.arange(rows), np.arange(columns) - (columns - 1) / 2, indexing="ij")
     position = np.stack([x.ravel(), y.ravel()], axis=1)
@@ -176,7 +176,7 @@ def _pairs(taxels: TangentialMap, sign: int) -> Iterator[dict[str, Any]]:
 
 
 def _grid(study: xr.Dataset) -> tuple[int, int]:
-    """Rows and columns of the taxels."""
+    """Numbers of rows and columns of the taxels of a study."""
     count = study.sizes["taxel"]
     side = math.isqrt(count)
     attributes = {**json.loads(study.attrs.get("parameters", "{}")), **study.attrs}

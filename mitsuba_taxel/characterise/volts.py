@@ -104,14 +104,15 @@ def volts_notes(table: pandas.DataFrame, circuit: Circuit | None) -> list[str]:
 
 
 def _where(row: dict[Any, Any], varied: list[str]) -> str:
-    """The values of varied parameters in words, such as `` of spacing = 0.8``; empty if there are none."""
+    """Text with the values of varied parameters, such as `` of spacing = 0.8``; empty if there are none."""
     words = [f"{value:g}" if isinstance(value, float) else value for value in (row[name] for name in varied)]
     values = ", ".join(f"{name} = {word}" for name, word in zip(varied, words, strict=True))
     return f" of {values}" if values else ""
 
 
 def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[str, Any]]:
-    """Rows of a scene: for each line of load, combination of the other parameters, and taxel."""
+    """Table rows of a scene behind a circuit: one for each line of load, combination of the other parameters, and
+    taxel."""
     # Readings in watts, in volts, and in volts changed by each mode of the errors of the shape.
     study = with_forces_named(study)
     changed_studies = changed_by_shape(study)
@@ -135,7 +136,8 @@ def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[st
 
 
 def _figures(circuit: Circuit, power: Branch, slope: np.ndarray, error: np.ndarray) -> dict[str, np.ndarray]:
-    """Figures (channels,) of a run; the first step is the step from the least force towards the largest."""
+    """Circuit figures (channels,) of a run, such as voltage at rest and noise. Its first step is that from the least
+    force towards the largest."""
     order = np.argsort(power.force)
     force, light = power.force[order], np.maximum(power.value[order], 0.0)
     shown, noise = respond(circuit, light), total_noise(circuit, light)

@@ -95,8 +95,8 @@ def read_document(path: Path) -> Element:
 
 
 def _read(path: Path, around: tuple[Path, ...], numbers: Iterator[int]) -> Element:
-    """The root element of one file; ``around`` are the files that include this file, and ``numbers`` counts all
-    included files."""
+    """Parse one file of a scene; returns its root element. ``around`` are the files that include this file, and
+    ``numbers`` counts all included files."""
     # Parse the file into a tree of elements.
     reader = _Reader(path)
     parser = expat.ParserCreate()

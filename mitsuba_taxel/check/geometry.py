@@ -58,7 +58,7 @@ def _in_a_box(face: Faces, box: Boxes) -> Iterator[Finding]:
 
 
 def _nothing_in_front(faces: list[Faces], objects: SceneObjects) -> Iterator[Finding]:
-    """Warn of LEDs and phototransistors with no other shape in front."""
+    """Warn of LEDs and phototransistors that face no other shape."""
     extents = [(obj, _corners(obj)) for obj in objects.shapes()]
     if any(corners is None for _, corners in extents):
         return
@@ -126,7 +126,8 @@ def _board(pad: SceneObject, faces: list[Faces], objects: SceneObjects) -> Itera
 
 
 def _horizontal(matrix: np.ndarray, solid: bool) -> tuple[float, np.ndarray, np.ndarray] | None:
-    """Height of a rectangle or of the top of a cube, and lowest and highest (2,) coordinates; None if it is tilted."""
+    """Height of a horizontal rectangle, or of the top of a horizontal cube, with the lowest and highest (2,)
+    coordinates in x and y; None if it is tilted."""
     axes, centre = matrix[:3, :3], matrix[:3, 3]
     normal = np.cross(axes[:, 0], axes[:, 1])
     if not np.hypot(*normal[:2]) <= 1e-3 * np.abs(normal[2]):

@@ -153,7 +153,7 @@ def _walls(shape: SceneObject) -> Iterator[Finding]:
 
 
 def _nothing_comes_back(objects: SceneObjects) -> Iterator[Finding]:
-    """Warn of absorbing roofs, and of scenes in which everything absorbs."""
+    """Warn of scenes in which no light can return to a phototransistor: roofs absorb all light, or all surfaces do."""
     if not objects.valid:
         return
     pads = [obj for obj in objects.shapes() if obj.plugin == PAD]
@@ -176,7 +176,7 @@ def _nothing_comes_back(objects: SceneObjects) -> Iterator[Finding]:
 
 
 def _cover(shape: SceneObject, region: str) -> Any:
-    """The BSDF of a region of a shape, or of the whole shape for an empty name; None for the default of a pad."""
+    """BSDF of a region of a shape, or of the whole shape for an empty name; None for the default BSDF of a pad."""
     covers = shape.nested("bsdf")
     if not covers:
         return None if shape.plugin == PAD else shape.instance.bsdf()

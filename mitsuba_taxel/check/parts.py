@@ -284,7 +284,8 @@ class _Maker:
         return bool(refused)
 
     def _retry(self, obj: SceneObject, props: Any, make: Callable[[Any], Any]) -> Any:
-        """The result of ``make`` on the properties, after removal of those that it refuses; None if it fails."""
+        """Create an object by ``make`` from its properties, after removal of those that it refuses; None if this fails.
+        """
         dropped: set[str] = set()
         while True:
             try:
@@ -365,6 +366,6 @@ def _one_sentence(error: Exception, plugin: str) -> str:
 
 
 def _culprit(message: str, props: Any) -> str:
-    """The property that the first or second word of a message names; empty if there is none."""
+    """Name of the property that an error message is about: its first or second word; empty if neither is a property."""
     names = set(props.keys())
     return next((word for word in re.findall(r"\w+", message)[:2] if word in names), "")

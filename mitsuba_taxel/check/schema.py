@@ -219,7 +219,7 @@ def _named_file(choice: Element, suffix: str) -> None:
 
 
 def _components(element: Element) -> None:
-    """Add three numbers, in one attribute or in three."""
+    """Add to an element the schema of three numbers, given in one attribute or in three."""
     choice = SubElement(element, "choice")
     _choice(SubElement(choice, "attribute", name="value"), ("vector_text", "reference"))
     group = SubElement(choice, "group")

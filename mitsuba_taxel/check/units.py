@@ -91,7 +91,7 @@ def _angle_in_radians(obj: SceneObject) -> Iterator[Finding]:
 
 
 def _unusual_load(obj: SceneObject) -> Iterator[Finding]:
-    """Warn of loads that pull, that are far too large or too small for the pad, or that miss it."""
+    """Warn of loads that pull on the pad, that are far too large or too small for it, or that miss it."""
     pad = obj.instance
     if not np.any(pad.load[1]):
         return
@@ -120,8 +120,8 @@ def _pull(quantity: str, value: np.ndarray) -> str:
 
 
 def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
-    """A message if an indenter touches the top of a pad nowhere on its path, or a force acts beside a tilting plate;
-    empty otherwise."""
+    """Message on a load that misses the pad: an indenter that touches the top nowhere on its path, or a force beside a
+    tilting plate; empty otherwise."""
     if isinstance(pad.pad, PadFile):
         return ""
     if isinstance(load, PlateWrench):

@@ -153,7 +153,7 @@ def _signals_as_interrupts() -> list[signal.Signals]:
 
 
 def _describe(error: Exception) -> tuple[str, int]:
-    """The message and the exit code of an error."""
+    """Text and exit code for an error that ends the program."""
     kinds = sys.modules.get("mitsuba_taxel.base.errors")
     if isinstance(error, _Ended):
         return f"ended by {error.signal.name}", 128 + error.signal
@@ -179,7 +179,7 @@ def _describe(error: Exception) -> tuple[str, int]:
 
 
 def _where_to_look(error: click.ClickException) -> str:
-    """A hint for missing or unknown arguments, as opposed to refused values."""
+    """Hint for a missing or unknown argument on where the arguments are listed; empty for refused values."""
     if not isinstance(error, click.UsageError) or type(error) is click.BadParameter or error.ctx is None:
         return ""
     before = {"--plugin": "FILE.py", "--variant": "NAME"}

@@ -1,4 +1,5 @@
-"""Summaries of results of many taxels: least, mean and most instead of a row for each taxel, and a small map."""
+"""Summaries of the results of many taxels: smallest, mean and largest value instead of a row for each taxel, and a
+small map."""
 
 from __future__ import annotations
 
@@ -23,14 +24,14 @@ WITH_JSON = "the same command with --json"
 
 
 def full_table(count: int, source: str) -> str:
-    """A line that says in which file the rows of all taxels are."""
+    """Text line with the name of the file that has the rows of all taxels."""
     return f"A row for each of the {count} taxels: {source}."
 
 
 def summary_rows(
     taxels: Sequence[int], quantities: Mapping[str, np.ndarray], missing: str = "unknown"
 ) -> list[list[str]]:
-    """Rows of a table with `HEADINGS`: the least, mean and largest value of each quantity.
+    """Table rows with the smallest, mean and largest value of each quantity over all taxels.
 
     Parameters
     ----------
@@ -187,7 +188,7 @@ def volts_rows(volts: pandas.DataFrame) -> list[list[str]]:
 
 
 def map_lines(values: np.ndarray, positions: np.ndarray, unit: str) -> list[str]:
-    """A map of digits from 0, the least value, to 9, the largest, and its legend.
+    """Text map of values over the board: digits from 0 (smallest value) to 9 (largest), and a legend.
 
     Parameters
     ----------

@@ -64,8 +64,8 @@ def text_width() -> int:
 
 
 def end_beyond_target(notes: Iterable[str]) -> None:
-    """End the program with exit code 3 if notes say that a target was not reached, or scenes have no reading yet, and
-    repeat them on stderr."""
+    """End the program with exit code 3 if notes state that a target was not reached or that scenes have no reading yet.
+    These notes are repeated on stderr."""
     missed = [note for note in notes if re.search("target (error|slope) .* not reached|have no reading yet", note)]
     for note in missed:
         click.echo(f"taxel: {note}", err=True)
@@ -239,7 +239,7 @@ def print_json(answer: object) -> None:
 
 
 def known(number: float) -> float | None:
-    """The number, or None if it is not finite, because JSON supports finite numbers only."""
+    """Replace a number that is not finite by None, because JSON supports finite numbers only."""
     return None if isinstance(number, float) and not math.isfinite(number) else number
 
 
@@ -250,7 +250,7 @@ def records(table) -> list[dict[str, object]]:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A function (done, total) that moves a bar on stderr, or does nothing if stderr is not a terminal.
+    """Create a function (done, total) that moves a bar on stderr, or does nothing if stderr is not a terminal.
 
     The current activity, such as meshing, stands beside the bar.
     """
@@ -264,7 +264,7 @@ def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def study_bar() -> Iterator[Callable]:
-    """A function that shows a study's ``Progress`` on a terminal: jobs, time left and error so far."""
+    """Create a function that shows a study's ``Progress`` on a terminal: jobs, time left and error so far."""
     from mitsuba_taxel.base.processes.activities import announced_to
     from mitsuba_taxel.base.units import in_percent
 
@@ -281,7 +281,7 @@ def study_bar() -> Iterator[Callable]:
 
 
 def _bar() -> Progress:
-    """A progress bar on stderr, hidden if that is not a terminal."""
+    """Create a progress bar on stderr; it is hidden if stderr is not a terminal."""
     console = Console(file=sys.__stderr__)  # control characters move its cursor
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
@@ -299,7 +299,7 @@ def print_notes(result) -> None:
 
 
 def print_left_out(lines: Sequence[str]) -> None:
-    """Print which work was left out because a scene does not need it, one line each."""
+    """Print which computations were omitted because a scene does not need them, one line each."""
     say("\nLeft out of this scene:")
     for line in lines:
         say(f"  {line}")

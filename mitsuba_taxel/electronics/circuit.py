@@ -118,7 +118,8 @@ class Circuit(Checked):
                 )
 
     def _grown(self, drift: float) -> float:
-        """Factor by which a quantity with this relative drift per K changes from 25 degrees C to `temperature`."""
+        """Factor by which a quantity changes from 25 degrees C to `temperature`, for a given relative ``drift`` per K.
+        """
         return 1 + drift * (self.temperature - ROOM_TEMPERATURE)
 
     @property

@@ -1,4 +1,4 @@
-"""The response of a circuit as a piecewise linear function, for runtimes that can only add and multiply."""
+"""Piecewise linear approximation of a circuit's response, for runtimes that can only add and multiply."""
 
 from __future__ import annotations
 

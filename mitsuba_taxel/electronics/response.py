@@ -177,7 +177,8 @@ def power_at(circuit: Circuit, voltage: Any) -> np.ndarray:
 
 
 def _excess(circuit: Circuit, current: np.ndarray, conductance: float) -> np.ndarray:
-    """V_CE / V_T by bisection: the current of the phototransistor rises with it, the current of the load falls."""
+    """Voltage V_CE / V_T between collector and emitter, in thermal voltages, by bisection: the current of the
+    phototransistor rises with it, and the current of the load falls."""
     low = np.zeros_like(current)
     high = np.full_like(current, circuit.supply / circuit.thermal_voltage)
     if np.isinf(conductance):
@@ -202,7 +203,8 @@ def _passed(circuit: Circuit, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _emitter_voltage(
     circuit: Circuit, current: np.ndarray, conductance: float, u: np.ndarray, passed: np.ndarray
 ) -> np.ndarray:
-    """Emitter voltage in V: from the current where the voltage is small, from supply minus V_CE where that is small."""
+    """Emitter voltage in V. It is computed from the current if it is small, and from supply minus V_CE if V_CE is
+    small, so that no digits are lost."""
     if np.isinf(conductance):
         return np.zeros_like(current)
     collector_emitter = circuit.thermal_voltage * u

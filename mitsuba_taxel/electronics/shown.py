@@ -126,7 +126,8 @@ def shown(circuit: Circuit, readings: Any) -> Shown:
 
 
 def _shown(circuit: Circuit, derivatives: Any, noise: np.ndarray) -> ShownDerivatives:
-    """``Derivatives`` behind a circuit, by the chain rule; ``noise`` (T,) is the noise of the readings in V."""
+    """Convert ``Derivatives`` in W to volts and counts behind a circuit, by the chain rule. ``noise`` (T,) is the noise
+    of the readings in V."""
     response = respond(circuit, np.maximum(derivatives.power, 0.0))
     in_volts = replace(
         derivatives,

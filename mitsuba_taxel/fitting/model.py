@@ -165,7 +165,7 @@ class ReadingModel:
         return replace(batch, bare=True)
 
     def _taxels(self, study: xr.Dataset, name: str) -> np.ndarray:
-        """A variable of a study as (..., settings, taxels), for the taxels with data."""
+        """Select the taxels with data from a variable of a study; the result has the shape (..., settings, taxels)."""
         missing = set(self._plan.data.taxels) - set(study.taxel.values)
         if missing:
             raise ComputationError(
@@ -174,8 +174,8 @@ class ReadingModel:
         return study[name].sel(taxel=self._plan.data.taxels).transpose(..., STEP, "taxel").values
 
     def _shown(self, unknowns: np.ndarray, power: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Readings in the unit of the data for a power in W, and their derivatives with respect to the power; all
-        (settings, taxels)."""
+        """Convert power in W to the unit of the data. Returns the readings and their derivatives with respect to the
+        power, both (settings, taxels)."""
         own = dict(zip(self._names, unknowns.tolist(), strict=True))
         if self._plan.circuit is None:
             gain = own.get("gain", 1.0)
@@ -186,7 +186,7 @@ class ReadingModel:
 
 
 def _distinct(plan: FitPlan) -> tuple[dict[str, list[str]], np.ndarray]:
-    """The distinct settings of the data, and their index for each row."""
+    """Distinct settings of the measured data, and the index of the setting of each row."""
     rows = list(zip(*plan.data.settings.values(), strict=True)) or [()] * plan.data.rows
     distinct = list(dict.fromkeys(rows))
     columns = zip(*distinct, strict=True)

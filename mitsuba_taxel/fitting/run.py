@@ -126,7 +126,7 @@ def run_fit(
 def _result(
     plan: FitPlan, model: ReadingModel, solution: LeastSquares, of_model: ModelError, shape: tuple[int, ...]
 ) -> FitResult:
-    """The tables, warnings and notes of a fit.
+    """Assemble the result of a fit: its tables, warnings and notes.
 
     Parameters
     ----------

@@ -259,7 +259,8 @@ def _pseudoinverse(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _at_bounds(values: np.ndarray, active: np.ndarray, unknowns: Sequence[Unknown]) -> list[str]:
-    """A warning for each unknown at a bound; ``active`` is -1 at the lower, 1 at the upper and 0 at neither."""
+    """Warnings for unknowns at a bound. ``active`` is -1 for an unknown at its lower bound, 1 at its upper bound, and 0
+    at neither."""
     warnings = []
     for unknown, value, end in zip(unknowns, values, active, strict=True):
         if end:
@@ -271,7 +272,8 @@ def _at_bounds(values: np.ndarray, active: np.ndarray, unknowns: Sequence[Unknow
 
 
 def _alike(correlation: np.ndarray, undetermined: np.ndarray, names: Sequence[str]) -> list[str]:
-    """A warning for each undetermined direction, and for each pair of unknowns with a correlation above `ALIKE`."""
+    """Warnings for unknowns that the data cannot tell from each other: undetermined directions, and pairs with a
+    correlation above `ALIKE`."""
     warnings = []
     for direction in undetermined:
         involved = [name for name, component in zip(names, np.abs(direction), strict=True) if component > 0.1]

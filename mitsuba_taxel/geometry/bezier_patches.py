@@ -103,7 +103,7 @@ def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
 
 
 def _doubtful(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """The pairs of patches that are not proved to be separate, and may touch where contact counts."""
+    """Select the pairs of patches that may touch: those that are not proved to be separate."""
     pairs = pairs[:, :, (pairs[3, :12] > 0).any(axis=0)]
     return pairs[:, :, ~_CERTIFICATES[shared](pairs[:3], tolerance)]
 
@@ -197,7 +197,8 @@ def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
 
 
 def _first_to_cut(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """The pairs with the more curved patch first, or with the longer patch first if both are flat."""
+    """Exchange the patches of each pair so that the patch to be subdivided comes first: the more curved one, or the
+    longer one if both are flat."""
     first, second = pairs[:3, :6], pairs[:3, 6:12]
     first_bulge, second_bulge = bulge(first), bulge(second)
     longer = _length(_sides(first)).max(axis=0) < _length(_sides(second)).max(axis=0)
@@ -210,7 +211,7 @@ def _first_to_cut(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _apart(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether a plane separates the control points of two patches by more than ``tolerance``.
+    """Whether two patches are separate: a plane divides their control points, with a gap of more than ``tolerance``.
 
     Coordinate axes are tried first, as they separate most pairs; then the normals of the separating axis theorem for
     flat triangles, so that no flat pair is missed.
@@ -234,8 +235,8 @@ def _face_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _side_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Directions (3, 15, n): normal to a side of each of both triangles, and normal to a side and to the normal of the
-    same triangle."""
+    """Candidate directions (3, 15, n) for a plane that separates two flat triangles: normal to one side of each, and
+    normal to a side and to the normal of the same triangle."""
     sides, second_sides = _sides(first), _sides(second)
     axes = [_cross(sides[:, :, None], second_sides[:, None]).reshape(3, 9, -1)]
     for side in (sides, second_sides):
@@ -244,7 +245,7 @@ def _side_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether a plane through the common vertex separates all other control points of two patches."""
+    """Whether two patches touch only at their common vertex: a plane through it separates all other control points."""
     vertex = pairs[:, :1]
     first, second = pairs[:, 1:6] - vertex, pairs[:, 7:12] - vertex
     towards = [_unit(rays[:, :2].mean(axis=1)) for rays in (first, second)]
@@ -259,16 +260,15 @@ def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _divides(normal: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Whether all ``first`` points lie strictly behind the plane through 0 with a normal, and all ``second`` points
-    strictly in front of it."""
+    """Whether a plane through the origin separates two sets of points: all ``first`` points are strictly behind it, all
+    ``second`` points strictly in front of it."""
     size = np.maximum(_length(first).max(axis=0), _length(second).max(axis=0))
     limit = STRICT * size * _length(normal)
     return (_dot(normal[:, None], first).max(axis=0) < -limit) & (_dot(normal[:, None], second).min(axis=0) > limit)
 
 
 def _middle_plane(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Normal of a plane through 0 that separates two flat sectors, each between two rays (3, 2, n): the mean of the
-    normals of all separating planes that touch rays."""
+    """Normal of a plane through the origin that separates two flat sectors, each between two rays (3, 2, n)."""
     first, second = (np.stack([_unit(rays[:, k]) for k in range(2)], axis=1) for rays in (first, second))
     candidates = [_cross(first[:, i], second[:, j]) for i, j in product(range(2), repeat=2)]
     for rays in (first, second):
@@ -284,7 +284,7 @@ def _middle_plane(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _apart_but_edge(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether two patches with a common edge unfold onto a plane one to one.
+    """Whether two patches touch only at their common edge: together they unfold one to one onto a plane.
 
     They are the image of a convex quadrilateral, cut by its diagonal, under a map f that is quadratic on both sides.
     With a projection P onto a plane, P f is one to one if its gradient has a positive definite symmetric part

@@ -62,8 +62,8 @@ def refined(mesh: VolumeMesh, size: Callable[[np.ndarray], np.ndarray], most: fl
 
 
 def _with_longest(cut: np.ndarray, of_tets: np.ndarray, longest: np.ndarray) -> np.ndarray:
-    """Mask (E,) of the edges to be cut: those of ``cut``, and the longest edge of every element that has such an
-    edge."""
+    """Mask (E,) of the edges to be cut: those marked in ``cut``, and the longest edge of every element that has a
+    marked edge."""
     while True:
         more = cut.copy()
         more[longest[cut[of_tets].any(axis=1)]] = True
@@ -99,7 +99,7 @@ def bisected(mesh: VolumeMesh, ends: np.ndarray) -> VolumeMesh:
 def _halves(
     simplices: np.ndarray, pairs: tuple[tuple[int, int], ...], keys: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Halve the simplices that have an edge in ``keys``; the others stay whole.
+    """Halve the elements (or faces) that have an edge in ``keys``; the others stay whole.
 
     Returned are the n corners (P, n) of each of P pieces, their barycentric coordinates (P, n, n) in the parents, and
     the numbers (P,) of the parents.

@@ -83,7 +83,8 @@ def boundary_triangles(tets: np.ndarray) -> np.ndarray:
 
 
 def _once(sides: np.ndarray) -> np.ndarray:
-    """The rows of ``sides`` (S, ...) whose first three nodes occur in no other row."""
+    """Select the rows of ``sides`` (S, ...) whose first three nodes occur in no other row: the faces on the boundary.
+    """
     _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
     return sides[np.sort(first[count == 1])]
 

@@ -83,7 +83,8 @@ def _quality(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
 
 
 def _star_quality(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
-    """Least quality (...) of the elements around a node, for nodes (..., N, 3); flat elements count as distorted."""
+    """Smallest quality (...) of the elements around a node, for nodes at positions (..., N, 3); flat elements count as
+    distorted."""
     corner = points[..., tets[:, 1:4], :] - points[..., tets[:, :1], :]
     volume = np.linalg.det(corner)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -111,8 +111,8 @@ class PhototransistorSensor(TaxelEnd, Protocol):
 
 
 class PackageShape(Protocol):
-    """A `photo_reflector`: the extent of its ``body``, its dies and windows ``sides`` by name, and the refractive index
-    of the resin above the dies; None for dies in the top of the body."""
+    """Interface of the plugin `photo_reflector`: the extent of its ``body``, its dies and windows ``sides`` by name,
+    and the refractive index of the resin above the dies (None for dies in the top of the body)."""
 
     body: np.ndarray
     sides: dict[str, Side]
@@ -124,8 +124,9 @@ class PackageShape(Protocol):
 
 
 class PadShape(Protocol):
-    """A `deformable_pad`: the undeformed ``pad``, the ``value`` of its load and its ``history`` (times and values, the
-    current ones last), ``state`` and ``surface`` under the load, and the codes of the regions that are ``mirrors``."""
+    """Interface of the plugin `deformable_pad`: the undeformed ``pad``, the ``value`` of its load and its ``history``
+    (times and values, the current ones last), ``state`` and ``surface`` under the load, and the codes of the regions
+    that are ``mirrors``."""
 
     specification: DeformablePad
     pad: AnyPad
@@ -181,8 +182,8 @@ class RegionBsdf(Protocol):
 
 
 class WallBsdf(Protocol):
-    """A `wall`, with the name of its ``scattering`` law. ``is_directed`` is true if the law has a specular or glossy
-    component; ``reflectance`` is None until the wavelength for its ``table`` is set."""
+    """Interface of the plugin `wall`, with the name of its ``scattering`` law. ``is_directed`` is true if the law has a
+    specular or glossy component; ``reflectance`` is None until the wavelength for its ``table`` is set."""
 
     specification: Wall
     scattering: str
@@ -325,5 +326,5 @@ def is_owen_sobol(sampler: mi.Sampler) -> bool:
 
 
 def plugin_of(made: mi.Object) -> str | None:
-    """Name of the plugin of an object; None if the plugin is not of this package."""
+    """Name of the plugin of this package that made an object; None for any other object."""
     return getattr(getattr(made, "specification", None), "plugin", None)

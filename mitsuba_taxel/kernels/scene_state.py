@@ -69,7 +69,8 @@ class KnownScene:
 
 
 def _known(scene: mi.Scene, plugins: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The plugins; raises `UnknownState` if a plugin, wall or shape is of another package."""
+    """Check that all plugins are of this package, and return them; raises `UnknownState` if a plugin, wall or shape is
+    of another package."""
     shapes = (shape for shape in scene.shapes() if type(shape) not in (mi.Shape, mi.Mesh))
     if not all(map(_is_ours, (*plugins, *walls_of(scene), *shapes))):
         raise UnknownState
@@ -119,5 +120,5 @@ def _is_scalar_array(value: Any) -> bool:
 
 
 def _is_ours(value: Any) -> bool:
-    """Whether the class of a value is of this package."""
+    """Whether the class of a value is defined in this package."""
     return type(value).__module__.startswith("mitsuba_taxel.")

@@ -149,7 +149,7 @@ def read_columns(parameter: str, file: str, fewest: int) -> np.ndarray:
 
 
 def _is_pair(words: list[str]) -> bool:
-    """Whether words are two numbers."""
+    """Whether a row of text consists of two numbers."""
     try:
         return len([float(word) for word in words]) == 2
     except ValueError:

@@ -134,7 +134,7 @@ def refuse_unknown_wavelength(scene: mi.Scene, one_by_one: bool) -> None:
 
 
 def _walls_with_table(scene: mi.Scene) -> Iterator[WallBsdf]:
-    """Walls of a scene with a table of reflectance."""
+    """Walls of a scene whose reflectance is given by a table over the wavelength."""
     return (wall for wall in walls_of(scene) if is_wall(wall) and wall.needs_wavelength)
 
 

@@ -58,7 +58,7 @@ def first_contact_in(study: xr.Dataset, row: int, of: str = "") -> float:
 
 
 def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -> dict[str, str]:
-    """Lines of loads along which the first contact cannot be computed, with the reasons.
+    """Find the lines of loads along which the first contact of a pad cannot be computed, with the reasons.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def lines_without_contact(plan: Plan, batch: Batch, designs: Sequence[Design]) -
 def undetermined_end(plan: Plan, responses: DesignResponses, contacts: Mapping[str, DesignContact]) -> str:
     """Reason why a figure of a design is undetermined; empty if all figures are determined.
 
-    Empty if all figures are determined. A constraint that the design meets at the end of the path needs no derivatives.
+    A constraint that the design meets at the end of the path needs no derivatives.
     """
     for criterion in (*plan.criteria, *([plan.front[0]] if plan.front else [])):
         end = contacts.get(criterion.figure.parameters["along"]) if criterion.figure.kind in TO_THE_END else None

@@ -234,12 +234,12 @@ def _multipliers(
 
 
 def _even_curvature(here: Linearisation) -> np.ndarray:
-    """The isotropic curvature whose best step is as long as the bounds are wide."""
+    """Isotropic initial curvature: with it, the best step is as long as the bounds are wide."""
     return max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(here.goal_rates.shape[1])
 
 
 def _lagrangian_rate(at: Linearisation, step: Step) -> np.ndarray:
-    """Gradient (V,) of the Lagrangian at a point, with the multipliers of a step."""
+    """Gradient (V,) of the Lagrangian function at a point, with the multipliers of a step."""
     return step.goals @ at.goal_rates - step.limits[: len(at.limits)] @ at.limit_rates
 
 

@@ -230,8 +230,8 @@ class DesignEvaluator:
         return self._folder if self._by else self._folder.with_name(f"{self._folder.name}_by_differences")
 
     def _shifted(self, design: Design) -> dict[tuple[int, int], Design]:
-        """Neighbours of a design for central differences, by the index of a variable without derivative and the sign of
-        its change.
+        """Neighbours of a design for central differences, by pair: the index of a variable without derivative, and the
+        sign of its change.
 
         A neighbour has the mesh of the design, moved. If the neighbour is refused, the design itself is used instead,
         for a one-sided difference.
@@ -354,8 +354,8 @@ class DesignEvaluator:
         by_tolerance: list[np.ndarray],
         contacts: dict[str, DesignContact],
     ) -> DesignEvaluation:
-        """The evaluated design, from readings of :meth:`_power`, their derivatives, and the first contact along each
-        line."""
+        """Create the evaluation of a design from the readings of :meth:`_power`, their derivatives, and the first
+        contact along each line."""
         shape, shape_rates = self._shape(design)
         loads = [frozenset(load.items()) for load in self._plan.loads]
 
@@ -422,7 +422,7 @@ def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
 
 
 def _changed(design: Design, number: int, step: float) -> Design:
-    """A design with one variable slightly larger or smaller, within its bounds."""
+    """Copy of a design with one variable slightly larger or smaller, within its bounds."""
     x = list(design.x)
     x[number] = min(max(x[number] + step, 0.0), 1.0)
     return replace(design, x=tuple(x))

@@ -17,7 +17,7 @@ LEAST_GAP = 1e-3
 def off_failures(
     x: np.ndarray, here: Linearisation, readable: Sequence[np.ndarray], failed: Sequence[np.ndarray]
 ) -> Linearisation:
-    """Keep steps away from points whose evaluation failed: add a limit to the goals and limits at a point.
+    """Add a limit that keeps steps away from designs whose evaluation failed.
 
     The limit is a plane midway between the convex hulls of readable and failed points, where these are nearest (the
     support vectors of C. Cortes and V. Vapnik, 1995). Where the hulls intersect, the plane separates ``x`` from failed

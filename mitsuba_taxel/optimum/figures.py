@@ -116,12 +116,14 @@ class DesignResponses:
 
 
 def _magnitude(values: np.ndarray) -> np.ndarray:
-    """Magnitude of the real parts, with the derivatives of that magnitude as imaginary parts."""
+    """Absolute value of complex numbers that carry a derivative: the magnitude of the real part, with the derivative of
+    this magnitude as imaginary part."""
     return np.where(values.real < 0, -values, values)
 
 
 def _both_signs(values: np.ndarray) -> np.ndarray:
-    """Values and their negatives: the maximum is the largest magnitude, and each component is smooth."""
+    """Values together with their negatives. Their maximum is the largest magnitude, and each component is a smooth
+    function."""
     return np.concatenate([values.ravel(), -values.ravel()])
 
 
@@ -203,9 +205,10 @@ def measuring_range(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def _ends(responses: DesignResponses, along: str) -> tuple[np.ndarray, np.ndarray]:
-    """Magnitude of the load at the first contact, and magnitudes at which each taxel saturates.
+    """Loads that end a measuring range: the magnitude at the first contact, and those at which each taxel saturates.
 
-    The first is empty if unknown, the second without a circuit."""
+    The first is empty if unknown, the second without a circuit.
+    """
     line, saturated = responses.lines[along], np.zeros(0)
     if responses.circuit is not None:
         saturated = _used_up(saturating_power(responses.circuit) - line.power, line.values)
@@ -223,7 +226,8 @@ def first_contact(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Magnitude of the load (T,) at which each column of ``missing`` (K, T) falls to 0 along ``values`` (K,)."""
+    """Magnitude of the load (T,) at which each column of ``missing`` (K, T) falls to 0. ``values`` (K,) are the loads.
+    """
     # The first interval whose end is at or below 0, else the last interval.
     reached = missing.real[1:] <= 0
     end = np.where(reached.any(axis=0), reached.argmax(axis=0), len(values) - 2) + 1

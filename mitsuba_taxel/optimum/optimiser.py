@@ -170,7 +170,7 @@ class Optimiser:
             start = end
 
     def _jump(self, first: Design, second: Design) -> float:
-        """Relative error of figures in a comparison of two designs."""
+        """Relative error with which the figures of two designs can be compared, because their meshes differ."""
         if not self.designs.has_parts:
             return JUMP_BARE
         return JUMP_MOVED if first.family == second.family else JUMP
@@ -190,7 +190,8 @@ class Optimiser:
         return here, self._alike(there)
 
     def _alike(self, design: Design) -> Design:
-        """An evaluated design that is nearly equal and has the same mesh; this design if there is none."""
+        """An evaluated design with the same mesh and nearly the same variables, to be used instead of ``design``;
+        ``design`` itself if there is none."""
         for evaluated in self.history:
             equal = evaluated.choice == design.choice and _distance(evaluated, design) <= SAME
             if equal and (evaluated.origin == design.origin or evaluated.family == design.family):
@@ -252,7 +253,7 @@ class Optimiser:
         return min(self._all(goal, limits), key=lambda pair: pair[1].violation)
 
     def _all(self, goal: Goal, limits: Sequence[Limit]) -> list[tuple[Design, Linearisation]]:
-        """All designs that could be evaluated, with their goals and limits."""
+        """All designs that could be evaluated, each with its goals and limits."""
         readable = ((design, evaluated) for design in self.history if (evaluated := self._read[design]) is not None)
         return [
             (design, linearisation)
@@ -286,12 +287,12 @@ class Optimiser:
 
 
 def _is_near(first: Design, second: Design) -> bool:
-    """Whether the gradients of two designs differ by their meshes rather than by the designs."""
+    """Whether two designs are so close that their gradients differ by their meshes rather than by their variables."""
     return first.choice == second.choice and _distance(first, second) <= NEAR
 
 
 def _distance(first: Design, second: Design) -> float:
-    """Largest difference of a variable of two designs, relative to the bounds' width."""
+    """Largest difference of a variable between two designs, relative to the width of its bounds."""
     return float(np.abs(np.subtract(first.x, second.x)).max())
 
 

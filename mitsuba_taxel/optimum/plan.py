@@ -99,13 +99,13 @@ class Design:
 
     @property
     def alone(self) -> Design:
-        """The same sensor with a mesh that is not moved from another design."""
+        """The same design without an origin: its mesh is generated, not moved from another design."""
         return replace(self, origin=None)
 
     @property
     def family(self) -> tuple[float, ...]:
-        """What identifies the mesh of a design: the variables of the design that was meshed, which is this design or
-        the origin of its moved mesh.
+        """Key of a design's mesh: the variables of the design that was meshed, which is this design or the origin of
+        its moved mesh.
         """
         return self.x if self.origin is None else self.origin
 
@@ -283,7 +283,7 @@ class Plan:
 
 
 def _spread(dimensions: int, seed: int) -> Iterator[tuple[float, ...]]:
-    """Points of a scrambled Sobol' sequence, which spread over the unit cube."""
+    """Points of a scrambled Sobol' sequence, spread evenly over the unit cube of the variables."""
     from scipy.stats import qmc
 
     points = qmc.Sobol(dimensions, seed=np.random.default_rng(seed)).random(TRIED)

@@ -73,7 +73,7 @@ def read_plan(file: Path) -> Plan:
 
 
 def _table(table: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The table of this name in ``[optimise]``; empty if there is none."""
+    """The sub-table ``name`` of ``[optimise]`` in a study file; empty if there is none."""
     inner = table.get(name, {})
     if not isinstance(inner, dict):
         raise InputError(f"optimise: {name} = {inner!r} is not allowed: a table [optimise.{name}] is needed.")
@@ -87,8 +87,8 @@ def _count(table: Mapping[str, Any], name: str, default: int) -> int:
 
 
 def _variable(name: str, definition: Any, base: Mapping[str, str], choices: Mapping[str, list[str]]) -> Variable:
-    """The variable with this definition; by default, its initial value is its value in the scene's parameters
-    ``base``."""
+    """Create a variable from its definition in the study file. By default, its initial value is its value in the
+    scene's parameters ``base``."""
     table = (
         {"low": definition[0], "high": definition[1]}
         if is_row(definition, is_number) and len(definition) == 2
@@ -114,7 +114,7 @@ def _variable(name: str, definition: Any, base: Mapping[str, str], choices: Mapp
 
 
 def _only(name: str, words_of: Any, choices: Mapping[str, list[str]]) -> dict[str, tuple[str, ...]]:
-    """For each choice, the words for which a variable applies."""
+    """Words of each choice for which a variable applies; the others leave the variable out."""
     if not isinstance(words_of, Mapping):
         raise InputError(
             f"variable {name}: only = {words_of!r} is not allowed: a table of choices, each with a list "
@@ -144,7 +144,7 @@ def _default(name: str, base: Mapping[str, str]) -> str:
 
 
 def _tolerances(table: Mapping[str, Any], base: Mapping[str, str]) -> dict[str, float]:
-    """Standard deviations by parameter."""
+    """Standard deviations of parameters with a tolerance, by name, from the study file."""
     deviations = _table(table, "tolerances")
     for name, deviation in deviations.items():
         _default(name, base)
@@ -293,7 +293,8 @@ class _FigureReader:
         return units[0] if units else "1"
 
     def _along(self, name: str, requested: Any) -> str | tuple[str, ...]:
-        """The line of a figure, by default the first; or, for kinds with several lines, the lines, by default all."""
+        """Line of loads of a figure, by default the first line. For figures of several lines: the lines, by default
+        all."""
         several = FIGURES_OF_MERIT[name].lines > 1
         names = (list(self.lines) if several else list(self.lines)[:1]) if requested is None else requested
         names = [names] if isinstance(names, str) else names

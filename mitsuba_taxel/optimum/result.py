@@ -175,7 +175,8 @@ def make_optimum(
 
 
 def _ends(optimiser: Optimiser, verification: MeshVerification, reads: Mapping[str, DesignEvaluation]) -> list[str]:
-    """A line for each range and each first contact: its value at the best design, the error, and what ends it."""
+    """Text lines on measuring ranges and first contacts: the value at the best design, its error, and what ends the
+    range."""
     notes = []
     finer = "best_finer" if verification.finer else "best"
     for figure in {figure.words: figure for figure in optimiser.plan.figures if figure.kind in TO_THE_END}.values():
@@ -266,7 +267,7 @@ def _slopes(plan: Plan, best: Design, read: Any) -> pandas.DataFrame:
 
 
 def _broken(optimiser: Optimiser, read: DesignEvaluation) -> str:
-    """The constraints that a design violates, in words; empty if it meets all."""
+    """Text with the constraints that a design violates; empty if it meets all."""
     worst = [(limit, worst_of(limit, read)) for limit in optimiser.plan.limits]
     violated = [
         (limit, at) for limit, at in worst if limit.sign * (at - limit.bound) > HELD * (abs(limit.bound) or 1.0)
@@ -275,7 +276,7 @@ def _broken(optimiser: Optimiser, read: DesignEvaluation) -> str:
 
 
 def _gained(fine_descent: FineDescent | None) -> str:
-    """End of a sentence on the gain of a descent on the finer mesh."""
+    """Text that ends a sentence: the gain of a descent on the finer mesh."""
     if fine_descent is None:
         return "; more evaluations may improve the design, or readings are too inaccurate to show it"
     end = "then no step improves it further" if fine_descent.ended else "more evaluations may improve it"
@@ -290,7 +291,8 @@ def _warnings(
     probability: float,
     reads: Mapping[str, DesignEvaluation],
 ) -> list[str]:
-    """Warnings: violated constraints, an uncertain optimum or improvement, saturation, and failed designs."""
+    """Warnings for the user: violated constraints, an uncertain optimum or improvement, saturation, and failed designs.
+    """
     warnings = []
     if "best_finer" in reads and (broken := _broken(optimiser, reads["best_finer"])):
         warnings.append(f"on the finer mesh the best design violates {broken}")

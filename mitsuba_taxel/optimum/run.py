@@ -108,8 +108,8 @@ def optimise(
 
 
 def _in_view(plan: Plan, designs: list[Design]) -> Plan:
-    """The plan with a constraint that keeps roofs with a profile visible, as scenes require, unless the plan has such a
-    constraint."""
+    """Add a constraint to the plan that keeps roofs with a profile visible, as scenes require, unless the plan has such
+    a constraint."""
     has_limit = any(limit.figure.kind == "view_angle" for limit in plan.limits)
     if has_limit or not any(pad.profile for design in designs for pad in pads_of(plan.scene(design))):
         return plan
@@ -117,7 +117,7 @@ def _in_view(plan: Plan, designs: list[Design]) -> Plan:
 
 
 def _unsaturated(plan: Plan) -> Plan:
-    """The plan with constraints that keep the output below the circuit's limit.
+    """Add constraints to the plan that keep the output below the circuit's limit.
 
     Constraints are added along each line that a figure of changes uses, unless the plan has such a constraint. Without
     them, figures of a saturated sensor would be computed as if the converter had no limit.
@@ -189,7 +189,7 @@ def _check_figures(optimiser: Optimiser, starts: list[Design]) -> None:
 
 
 def _no_design(optimiser: Optimiser) -> InputError:
-    """The error for constraints that no design meets."""
+    """Create the error that no design meets all constraints."""
     # Multipliers at the design with the least violation show which constraints are in conflict.
     plan = optimiser.plan
     nearest, linearisation = optimiser.nearest(plan.goal, plan.limits)

@@ -115,7 +115,8 @@ def verified_on_finer_mesh(optimiser: Optimiser, best: Design, pool: Pool, folde
 
 
 def _default_size(scene: Scene) -> float | None:
-    """Size in mm of the smallest elements of built-in pads under load; None without such a pad."""
+    """Default element size in mm of the built-in pads of a scene under load, the smallest of all; None without such a
+    pad."""
     built = [pad for pad in deformed_pads(scene.load()) if isinstance(pad.pad, Pad)]
     sizes = (size_for_light(pad.pad, pad.load, [pad.bsdf()]) or pad.pad.default_mesh_size for pad in built)
     return min(sizes, default=None)

@@ -1,4 +1,4 @@
-"""The type of all pads."""
+"""The union type of all kinds of pads, for annotations."""
 
 from mitsuba_taxel.pads.block import Block
 from mitsuba_taxel.pads.pad_file import PadFile

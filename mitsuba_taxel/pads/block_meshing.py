@@ -150,7 +150,7 @@ def _bricks(sides: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _tagged(points: np.ndarray, tets: np.ndarray, faces: np.ndarray, half: tuple[float, float, float]) -> VolumeMesh:
-    """The mesh, with a region for each boundary face and without the faces on planes of symmetry."""
+    """Assemble the mesh: each boundary face gets its region, and the faces on planes of symmetry are left out."""
     middle, near = points[faces[:, :3]].mean(axis=1), 1e-9 * np.array(half)
     region = np.zeros(len(faces), dtype=int)
     region[(middle[:, :2] > (np.array(half) - near)[:2]).any(axis=1)] = REGIONS["outer"]
@@ -161,7 +161,7 @@ def _tagged(points: np.ndarray, tets: np.ndarray, faces: np.ndarray, half: tuple
 
 
 def _on(mesh: VolumeMesh, region: str) -> np.ndarray:
-    """Mask (N,): whether each node lies on a region."""
+    """Mask (N,) of the mesh's N nodes that lie on a region of the surface."""
     on = np.zeros(len(mesh.points), dtype=bool)
     on[mesh.faces[mesh.face_region == REGIONS[region]]] = True
     return on

@@ -1,4 +1,4 @@
-"""Limits that casting sets to the shape of a pad: thick walls, tapered cells, no tight bends."""
+"""Properties of a pad's shape that casting limits: thickness of walls, taper of cells, and radii of bends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Room for packages in the cells of undeformed parametric pads."""
+"""Test whether packages fit into the cells of undeformed parametric pads."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def nearest_cell(pad: Pad, points: np.ndarray) -> np.ndarray:
 
 
 def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
-    """Mask of the packages (bodies) that lie entirely within the hollow of a cell.
+    """Mask of the packages that lie entirely inside the hollow of a cell.
 
     Parameters
     ----------

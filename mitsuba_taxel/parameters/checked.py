@@ -107,7 +107,7 @@ class Kinded(Checked, metaclass=_KindArguments):
 
 
 def _shown(instance: Any) -> str:
-    """Representation of a `Kinded` object as a call of its class, with the parameters of its kinds."""
+    """Text (``repr``) of a `Kinded` object: a call of its class with the parameters of its kinds."""
     values = {entry.name: getattr(instance, entry.name) for entry in fields(instance) if entry.repr} | dict(
         instance.kind_values
     )
@@ -133,7 +133,8 @@ def _current_parameters(cls: Any, _: int) -> Mapping[str, Parameter]:
 
 @kept(None)
 def _all_parameters(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> Mapping[str, Parameter]:
-    """Result of `parameters_of` for the kinds that exist now; ``chosen`` is the result of `_chosen`."""
+    """Parameters of a class as `parameters_of` returns them, for the kinds that exist now. ``chosen`` is the result of
+    `_chosen`."""
     of_kinds = _merged(cls, chosen) if issubclass(cls, Kinded) else {}
     return MappingProxyType({**_with_users(_declared_in(cls)), **of_kinds})
 
@@ -189,7 +190,8 @@ def _families_of(cls: Any) -> tuple[tuple[str, Any], ...]:
 
 @kept(None)
 def _merged(cls: Any, chosen: tuple[tuple[Any, ...], ...]) -> dict[str, Parameter]:
-    """Result of `_kind_parameters` for the kinds that exist now; ``chosen`` is the result of `_chosen`."""
+    """Parameters of kinds as `_kind_parameters` returns them, for the kinds that exist now. ``chosen`` is the result of
+    `_chosen`."""
     declared = _declared_in(cls)
     merged: dict[str, Parameter] = {}
     for chooser, *kinds in chosen:

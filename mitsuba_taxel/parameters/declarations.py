@@ -263,7 +263,8 @@ def field_of(owner: Any, field: str, **changes: Any) -> Any:
 
 
 class _Meanings(Mapping[str, str]):
-    """Meaning of each kind of a family, including kinds that are defined later, and of additional words."""
+    """Mapping from names to meanings, for the kinds of a family, including kinds that are defined later, and for
+    additional words."""
 
     def __init__(self, family: Any, also: Mapping[str, str]) -> None:
         self._family, self._also = family, also

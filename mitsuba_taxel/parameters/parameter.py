@@ -103,7 +103,8 @@ class Parameter:
 
     @property
     def meaning(self) -> str:
-        """Meaning, allowed values and conditions."""
+        """Text for the documentation: meaning of the parameter, its allowed values, and the conditions under which it
+        applies."""
         *values, last = [f"`{word}`" for word in self.when[1:]] or [""]
         words = f"{', '.join(values)} or {last}" if values else last
         condition = f"for {' or '.join((self.when[0], *self.choosers))} {words}" if self.when else ""
@@ -113,12 +114,12 @@ class Parameter:
 
     @property
     def description(self) -> str:
-        """Meaning and default."""
+        """Text for the documentation: meaning of the parameter and its default."""
         return self.meaning + self._default_in_brackets
 
     @property
     def description_with_unit(self) -> str:
-        """Meaning, unit and default."""
+        """Text for the documentation: meaning of the parameter, its unit and its default."""
         return self.meaning + (f" In {self.unit}." if self.unit else "") + self._default_in_brackets
 
     @property
@@ -429,7 +430,8 @@ def describe_range(above: float, minimum: float, maximum: float) -> str:
 
 
 def _refused(parameter: Parameter, value: Any, shown: str = "") -> InputError:
-    """The error for a parameter whose value is not allowed; ``shown`` is the value as text, by default its ``repr``."""
+    """Create the error for a value of a parameter that is not allowed. ``shown`` is the value as text, by default its
+    ``repr``."""
     if not shown:
         return refusal(parameter.name, value, parameter.needed)
     return InputError(f"{parameter.name} = {shown} is not allowed: {parameter.needed}.")

@@ -61,7 +61,8 @@ class ScatteringWalls:
 
     @property
     def seen(self) -> np.ndarray:
-        """Positions of the patches that LED and phototransistor see."""
+        """Positions in mm of the points of those patches that LED and phototransistor see: all except those on the box.
+        """
         return self.positions[: len(self.positions) - self.of_box]
 
 
@@ -288,7 +289,8 @@ class Cell:
         return Exchange(self._starts, *ends, pairs.target, pairs.point, *self._blocking(box))
 
     def _blocking(self, box: Box | None) -> tuple[Box | None, np.ndarray | None]:
-        """The box, None if it is below all walls, and the pairs (N,) that it may block, None for all."""
+        """The box, None if it is below all walls, and the mask (N,) of the pairs of points that it may block, None for
+        all."""
         if box is None or not box.below_top(self._walls.seen):
             return None, None
         pairs, last = self._mesh.pairs, len(self._walls.seen)
@@ -297,12 +299,11 @@ class Cell:
 
     @property
     def _seen_starts(self) -> Starts:
-        """The points of the walls, as starts of light, that LED and phototransistor see."""
+        """Those points of the walls, as starts of light, that LED and phototransistor see."""
         return self._starts.block(self._seen)
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
-        """Values (T, ...) at all targets, which are 0 at the targets on the box, from the values at all other
-        targets."""
+        """Extend values at the targets on walls to all targets (T, ...); the values at targets on the box are 0."""
         on_box = len(self._at) - len(values)
         return np.pad(values, [(0, on_box), *[(0, 0)] * (values.ndim - 1)]) if on_box else values
 
@@ -324,15 +325,15 @@ class Cell:
         return (to_points @ interpolation).toarray()
 
     def _crossing(self, between: Exchange) -> PiecesAtHorizon | None:
-        """Pieces of patches that cross the horizon of a target, for isotropic light; None without edges between
-        walls."""
+        """Pieces of patches that cross the horizon of a target, for isotropic light; None if walls do not meet at
+        edges."""
         if not (self._walls.have_edges and self._walls.isotropic.any()):
             return None
         crossing = pieces_at_horizon(self._mesh.pairs, self._mesh.own, self._normal, between.leaving())
         return crossing if len(crossing.pairs) else None
 
     def _slopes(self, weight: np.ndarray, wider: float) -> LightRates:
-        """Derivatives of the exchange between walls, times a weight (N,) of each pair."""
+        """Derivatives of the light exchanged between walls, multiplied by a weight (N,) of each pair of points."""
         between = self._between_walls(self._box)
         slopes = between.slopes(weight, wider)
         if (crossing := self._crossing(between)) is None:

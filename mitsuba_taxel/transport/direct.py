@@ -82,9 +82,7 @@ class Direct:
         return finer - (self._emission.power * self._coarse).reshape(count, -1).sum(axis=1)
 
     def correction(self, lit: LitPoints) -> np.ndarray:
-        """Correction of the direct responses (N,) at N lit points: the values by the finer interpolation minus those by
-        the coarser one.
-        """
+        """Correction of the direct responses (N,) at N lit points: the finer interpolation minus the coarser one."""
         subpatches = self._subpatches
         number = subpatches.of_inside if lit is self._emission.inside else subpatches.of_edge
         finer = self._reception.value.reshape(-1, len(_NODES))[number]

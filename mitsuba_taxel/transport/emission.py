@@ -93,7 +93,8 @@ class Emission:
 
     @cached_property
     def lit(self) -> np.ndarray:
-        """Fractions (N,) of the LED's power at the points inside its cone."""
+        """Fractions (N,) of the LED's power at the N points inside its cone, corrected so that closed walls receive
+        exactly its power."""
         return self._integrated * self._scale[self.inside.source]
 
     @cached_property
@@ -318,7 +319,8 @@ def _lit_pieces(led: End, phototransistor: End | None, positions: np.ndarray) ->
 def _clipped(
     led: End, positions: np.ndarray, source: np.ndarray, pieces: Pieces, degree: int
 ) -> tuple[LitPoints, LitPoints]:
-    """Quadrature points on the lit area of pieces, and at the edge of the cone within them.
+    """Clip the pieces of patches at the edge of an LED's cone. Returns quadrature points on their lit area, and at the
+    edge of the cone within them.
 
     Pieces that the edge crosses are subdivided, until the edge cuts off one of their corners.
     """
@@ -356,7 +358,8 @@ def _clipped(
 
 
 def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
-    """Quadrature rules for pieces (M, 3, 2) with one lit corner and two dark ones, or vice versa.
+    """Quadrature rules for pieces (M, 3, 2) that the edge of the LED's cone crosses: one corner is lit and two are
+    dark, or vice versa.
 
     The single corner is the tip. The points cover the area between the tip and the edge of the light, along rays from
     the tip; heights (M, 6) are quadratic along these rays. The area of a dark tip is subtracted from the entire piece.
@@ -412,8 +415,8 @@ def _lit(
     points: Sequence[np.ndarray],
     weights: Sequence[np.ndarray],
 ) -> LitPoints:
-    """The lit points of several groups of pieces, in the order of the patches; ``sizes`` states the number of points of
-    each piece of a group."""
+    """Join the lit points of several groups of pieces, in the order of the patches. ``sizes`` states the number of
+    points of each piece of a group."""
     source, face = (
         np.concatenate([np.repeat(numbers, size) for numbers, size in zip(groups, sizes, strict=True)])
         for groups in (sources, faces)

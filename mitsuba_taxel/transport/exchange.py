@@ -124,7 +124,7 @@ class Exchange:
             return np.array(value if self._box is None else value * self._passage(self._box).fraction)
 
     def leaving(self) -> np.ndarray:
-        """Heights (N,) in mm of the end points above the horizons (tangent planes) of the starting points."""
+        """Heights (N,) in mm of the end points above the tangent planes (horizons) of the starting points."""
         with _TURN:
             return np.asarray(self._pairs().leaving)
 
@@ -233,7 +233,8 @@ class _Pairs:
 
     @property
     def even_below(self) -> Float64:
-        """Factor of isotropic light without the step to 0 at the horizon: light below the horizon counts as well."""
+        """Factor of isotropic light without its step to 0 at the horizon: light from points below the horizon counts as
+        well."""
         over = dr.select(self.facing > 0, dr.rcp(dr.square(self.distance)), 0)
         return self.isotropic / (2 * math.pi) * over * dr.sqrt(over)
 

@@ -98,8 +98,8 @@ def power_within(points: np.ndarray, normal: np.ndarray, within: Cumulative, pos
 
 
 def _points(coefficients: np.ndarray, start: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """P points (N, P, 3) of the rule on each of N intervals of sides with coefficients (N, 5, 3), and their derivatives
-    (N, P, 3) along the interval."""
+    """Quadrature points (N, P, 3) on N intervals of the sides of patches, P on each, and their derivatives (N, P, 3)
+    along the interval. Sides are polynomials with coefficients (N, 5, 3)."""
     along = start[:, None] + width[:, None] * gauss(POINTS)[0]
     powers = along[..., None] ** _POWERS
     rates = np.zeros_like(powers)

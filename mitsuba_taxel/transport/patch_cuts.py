@@ -89,8 +89,8 @@ def cut_at_plane(positions: np.ndarray, point: np.ndarray, normal: np.ndarray) -
 
 
 def _cut(height: np.ndarray) -> list[np.ndarray]:
-    """Triangles (3, 2) on both sides of the line on which a linear function is 0, from its values (3,) at the
-    corners."""
+    """Cut the unit triangle along the line on which a linear function is 0. The function is given by its values (3,) at
+    the corners; returns the triangles (3, 2) on both sides."""
     # The line cuts off one corner, a, and meets the sides ab and ac.
     above = height > 0
     tip = int(np.argmax(above == (above.sum() == 1)))

@@ -33,7 +33,7 @@ class PatchPoints:
 
     @cached_property
     def _of_faces(self) -> list[tuple[int, slice]]:
-        """The patches that have points, and the slice of the points of each."""
+        """Group the points by patch: the patches that have points, and the slice of the points of each."""
         faces, counts = np.unique(self.face, return_counts=True)
         ends = np.cumsum(counts)
         starts = ends - counts
@@ -42,7 +42,7 @@ class PatchPoints:
 
     @cached_property
     def _monomials(self) -> np.ndarray:
-        """Monomials (15, P) at the points."""
+        """Values (15, P) of the 15 monomials in (s, t) at the points."""
         return monomials(self.at, DEGREE).T
 
     def _evaluated(self, positions: np.ndarray, polynomials: np.ndarray) -> np.ndarray:

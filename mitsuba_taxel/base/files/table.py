@@ -267,7 +267,7 @@ def separated(what: str, lines: list[str]) -> tuple[str, list[list[str]]]:
 
 
 def _unit_line(word: str) -> str | None:
-    """The unit in a field of a line of units; empty for no unit, None if the field is not a unit."""
+    """Unit in a field of a line of units: empty for no unit, None if the field is not a unit."""
     bare = word.strip("()[]").strip()
     return "" if bare in ("", "-", "1") and not bare.isdigit() else _unit(bare)
 
@@ -279,7 +279,7 @@ def _unit(word: str) -> str | None:
 
 
 def _named(heading: str) -> tuple[str, str]:
-    """The name and the unit of a heading."""
+    """Split a heading into its name and its unit."""
     if heading.lower() in WORDS:
         return WORDS[heading.lower()]
     bracketed = _BRACKETED.fullmatch(heading)
@@ -292,7 +292,7 @@ def _named(heading: str) -> tuple[str, str]:
 
 
 def _with_points(what: str, heading: str, words: list[str]) -> list[str]:
-    """Entries with decimal points instead of commas; raises `InputError` if commas may separate thousands."""
+    """Replace decimal commas of entries by points; raises `InputError` if commas may separate thousands."""
     commas = [word for word in words if "," in word and re.fullmatch(r"[+-]?[\d.,]+(?:[eE][+-]?\d+)?", word)]
     if not commas:
         return words

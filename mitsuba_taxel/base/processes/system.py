@@ -1,4 +1,4 @@
-"""All calls that some operating systems lack, with a replacement for these systems.
+"""Replacements for all functions that some operating systems lack.
 
 Names of the standard library that exist on Unix only, or have another meaning on Windows, are used nowhere else, except
 the free memory that Linux reports (:mod:`mitsuba_taxel.mechanics.elements.memory`). The file imports nothing but the

@@ -194,7 +194,8 @@ def compare(
 
 
 def _score(by: str, value: np.ndarray) -> np.ndarray:
-    """Score of a variant, which is larger for a better one: the magnitude of a slope, or a negative deviation."""
+    """Score of a variant for the ranking; larger is better. It is the magnitude of a slope, or the negative of a
+    deviation."""
     return -value if by in DEVIATIONS else np.abs(value)
 
 
@@ -218,7 +219,8 @@ def _volts(
     up_to: float | None,
     notes: list[str],
 ) -> pandas.DataFrame:
-    """Circuit figures of all studies along the compared force; adds a note if converter steps hide the noise."""
+    """Circuit figures (see `volts_table`) of all studies along the compared force. A note is added if converter steps
+    hide the noise."""
     import pandas
 
     tables = [
@@ -285,7 +287,7 @@ def _unsaturated(variants: list[_Variant], up_to: float | None, notes: list[str]
 
 
 def _along(variants: list[_Variant], force: str | None) -> list[_Variant]:
-    """The variants along the force ``force``, or along the only force if it is None."""
+    """Select the variants along the force ``force``; if it is None, along the only force."""
     forces = list(dict.fromkeys(variant.reading.force for variant in variants))
     if force is None and len(forces) > 1:
         raise InputError(
@@ -320,7 +322,8 @@ def _mapped(variant: _Variant, function: Callable[[Experiment], Experiment]) -> 
 
 
 def _one_channel(variants: list[_Variant]) -> tuple[list[_Variant], str]:
-    """Variants reduced to one channel, and the name of that channel."""
+    """Reduce the variants to one channel that represents all taxels. Returns the variants and the name of the channel.
+    """
     readings = [variant.reading for variant in variants]
     same_size = len({len(reading.taxel) for reading in readings}) == 1
     channels = [common_channel(readings if same_size else [reading]) for reading in readings]
@@ -332,7 +335,8 @@ def _one_channel(variants: list[_Variant]) -> tuple[list[_Variant], str]:
 
 
 def _first_run_figures(readings: Sequence[Experiment], names: Sequence[str], column: str = "value") -> np.ndarray:
-    """Figures (figures, readings) of the first run of growing force of each reading, or the errors of these figures."""
+    """Figures of merit (figures, readings) of the first run of growing force of each reading. With another ``column``,
+    their errors."""
     table = characteristics([replace(reading, where={"number": number}) for number, reading in enumerate(readings)])
     rows: list[dict[str, float]] = [{} for _ in readings]
     for number, figure, loading, cell in zip(table.number, table.figure, table.loading, table[column], strict=True):
@@ -347,8 +351,8 @@ def _first_run_figures(readings: Sequence[Experiment], names: Sequence[str], col
 def _figures(
     variants: Sequence[_Variant], names: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], dict[str, str]]:
-    """Values, errors of the light, and changes by each mode of the errors of the shape, each (figures, variants), with
-    the units of figures.
+    """Figures of merit of all variants: values, errors of the light, changes by each mode of the errors of the shape,
+    each (figures, variants), and units.
 
     The errors of derivatives, less those of the shape, count as errors of the light.
     """
@@ -369,7 +373,8 @@ def _figures(
 def _covariance(
     variants: Sequence[_Variant], names: Sequence[str], light: np.ndarray, shifts: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """Covariance of all figures of all variants, (figures x variants) squared: of the light, and of the shape."""
+    """Covariance matrix of all figures of all variants, with (figures x variants) rows and columns. It contains the
+    errors of the light and of the shape."""
     # Correlations of the light by the jackknife over replicates, of variants with the same random numbers.
     jackknife = np.array([_first_run_figures(_without_each(variant.reading), names) for variant in variants])
     spread = jackknife - jackknife.mean(axis=2, keepdims=True)  # variants, figures, replicates
@@ -390,7 +395,7 @@ def _covariance(
 
 
 def _without_each(reading: Experiment) -> list[Experiment]:
-    """The experiment with each of its replicates left out in turn."""
+    """Leave-one-out copies of an experiment for the jackknife, one without each replicate."""
     count = reading.runs[0].samples.shape[1]
 
     def without(number: int) -> Experiment:
@@ -442,5 +447,5 @@ def _table(
 
 
 def _words(where: Mapping[str, Any]) -> str:
-    """The parameters of a variant as text."""
+    """Text with the parameters of a variant, such as ``wall = 1, cell = conical``."""
     return ", ".join(f"{name} = {value}" for name, value in where.items())

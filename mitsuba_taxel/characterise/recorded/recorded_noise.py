@@ -215,11 +215,12 @@ def _deviations(replicates: int, count: int, random: np.random.Generator) -> np.
 
 
 def _bounded(replicates: int, count: int, random: np.random.Generator) -> np.ndarray:
-    """Unit vectors as of `_deviations`, whose means over the even replicates are uniformly distributed.
+    """Unit vectors like those of `_deviations`, whose means over the even replicates are uniformly distributed, like
+    errors due to the steps of a converter.
 
-    Errors due to steps are uniformly distributed. If the errors of the two halves had a distribution with tails, the
-    halves would not be independent: the half that chooses the largest of many numbers would choose by these tails, and
-    the other half, of the opposite deviation, would be too small there.
+    Half of the replicates chooses the largest of many numbers, and the other half is evaluated there; the two halves
+    have opposite deviations. With a normal distribution, the first half would choose by large errors, and the second
+    half would be too small.
     """
     contrast = np.resize([1.0, -1.0], replicates) / np.sqrt(replicates)
     rest = _deviations(replicates, count, random)
@@ -234,7 +235,7 @@ ZERO = int(np.abs(CORRELATIONS).argmin())
 
 
 def _chunks(rows: np.ndarray) -> list[np.ndarray]:
-    """Consecutive rows in chunks of at most CHUNK rows, as equal as possible."""
+    """Divide consecutive rows into chunks of at most CHUNK rows, as equal in size as possible."""
     return np.array_split(rows, -(-len(rows) // CHUNK))
 
 
@@ -248,7 +249,8 @@ def _without_line(rows: np.ndarray) -> np.ndarray:
 
 
 def _sums(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sums (channels,) of squares, and of products of neighbours, of the residuals of rows (n, channels)."""
+    """Sums (channels,) over the residuals of rows (n, channels): of their squares, and of the products of neighbouring
+    rows."""
     residuals = [_without_line(chunk) for chunk in _chunks(rows)]
     return sum((chunk**2).sum(axis=0) for chunk in residuals), sum(
         (chunk[1:] * chunk[:-1]).sum(axis=0) for chunk in residuals
@@ -257,7 +259,7 @@ def _sums(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @kept(CHUNK)
 def _expected(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Expected sums as of `_sums` for ``count`` rows of noise of variance 1, for each of CORRELATIONS."""
+    """Expected values of the sums of `_sums` for ``count`` rows of noise with variance 1, for each of CORRELATIONS."""
     lag = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
     projection = _without_line(np.eye(count))
     covariances = [projection @ rho**lag @ projection.T for rho in CORRELATIONS]
@@ -265,7 +267,8 @@ def _expected(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _correlation(flat: list[np.ndarray], ratio: float) -> int:
-    """Index in CORRELATIONS whose expected ratio of products to squares is nearest to ``ratio``."""
+    """Estimate the correlation of noise: the index in CORRELATIONS whose expected ratio of products to squares is
+    nearest to ``ratio``."""
     expected = [
         sum(sums) for sums in zip(*(_expected(len(chunk)) for rows in flat for chunk in _chunks(rows)), strict=True)
     ]
@@ -279,7 +282,8 @@ def _variance_of_mean(count: int, rho: float) -> float:
 
 
 def _local(squares: np.ndarray, degrees: np.ndarray, run_of: np.ndarray) -> np.ndarray:
-    """Variance at each point, from neighbouring points of its run; from all points if the run has too few rows."""
+    """Variance of the noise at each point of a run, estimated from neighbouring points; from all points if the run has
+    too few rows."""
     variance = np.empty(len(squares))
     for number in range(len(squares)):
         run_points = np.flatnonzero(run_of == run_of[number])
@@ -291,7 +295,8 @@ def _local(squares: np.ndarray, degrees: np.ndarray, run_of: np.ndarray) -> np.n
 
 
 def _slower(flat: list[np.ndarray], channel: int, variance: np.ndarray, rho: float) -> float:
-    """Factor, at least 1, by which noise slower than the correlation of neighbours enlarges the variance of means.
+    """Factor, at least 1, by which slow noise enlarges the variance of means of rows. Slow noise is slower than the
+    correlation of neighbouring rows.
 
     It is the ratio of observed to expected squares of the means of quarters of points about their linear trend.
     """

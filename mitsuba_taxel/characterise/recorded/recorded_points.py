@@ -106,7 +106,8 @@ def points_of(force: np.ndarray, noise: float) -> tuple[list[np.ndarray], tuple[
 
 
 def _ranges(monotonic: np.ndarray, rows: np.ndarray, noise: float) -> list[np.ndarray]:
-    """Rows of even ranges of a moving force; empty for a transition between holds."""
+    """Divide a moving force into ranges of equal size; returns the rows of each. A transition between holds gives no
+    range."""
     span, most_ranges = np.ptp(monotonic[rows]), len(rows) // FEWEST_ROWS
     finest = span / (6 * noise) if noise > 0 else np.inf
     count = int(min(np.ceil(POINTS * span / np.ptp(monotonic)), max(finest, 1), most_ranges))
@@ -121,7 +122,7 @@ def _ranges(monotonic: np.ndarray, rows: np.ndarray, noise: float) -> list[np.nd
 
 
 def _merged(force: np.ndarray, points: list[tuple[bool, np.ndarray]], noise: float) -> list[tuple[bool, np.ndarray]]:
-    """Points in the order of a rising force; points too close to their neighbour are merged with it."""
+    """Merge points that are too close to their neighbour in force. ``points`` are sorted by rising force."""
     merged: list[tuple[bool, np.ndarray]] = []
     for hold, rows in points:
         merged.append((hold, rows))

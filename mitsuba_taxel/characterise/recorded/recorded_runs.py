@@ -141,7 +141,7 @@ class _Curve:
 
 
 def _words(errors: PointErrors | None) -> list[str]:
-    """Notes on what the errors contain."""
+    """Notes for the user on what the stated errors of a recording contain."""
     if errors is None:
         return [
             "Error: unknown (few rows, or no noise); without it the largest slope and deviations contain the noise, "

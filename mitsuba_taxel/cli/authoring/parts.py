@@ -82,7 +82,8 @@ def _draw(part, file: Path) -> None:
 
 
 def _curve(part) -> list[tuple[float, float, float]]:
-    """Rows of height in mm, current of the datasheet, and computed current, both relative to the largest."""
+    """Table rows of a distance curve: height in mm, current of the datasheet, and computed current, both relative to
+    the largest."""
     import numpy as np
 
     from mitsuba_taxel.parts import distance_model
@@ -100,7 +101,7 @@ def _largest_difference(curve: list[tuple[float, float, float]]) -> float:
 
 
 def _edges(part, height: float | None) -> dict[str, list[float]]:
-    """Positions of an edge for 10, 50 and 90 % of the current, by axis; none without a height."""
+    """Positions of a mirror's edge, along x and y, at which the current is 10, 50 and 90 %; none without a height."""
     from mitsuba_taxel.parts import edge_positions
 
     return {} if height is None else {word: edge_positions(part, height, k).tolist() for k, word in enumerate("xy")}
@@ -115,7 +116,7 @@ def _show_edges(edges: dict[str, list[float]], height: float) -> None:
 
 
 def _show_datasheet(sheet) -> None:
-    """Print what is known of a part whose geometry is not."""
+    """Print the datasheet values of a part whose geometry is unknown."""
     from ..tables import print_table, say
 
     say(f"{sheet.title}\nSource: {sheet.source}")

@@ -41,7 +41,7 @@ def command(
 
 @contextmanager
 def _best_so_far() -> Iterator[Callable]:
-    """A function that shows an optimisation's ``OptimisationProgress`` on a terminal."""
+    """Create a function that shows an optimisation's progress (``OptimisationProgress``) on a terminal."""
     from rich.console import Console
 
     console = Console(file=sys.__stderr__)

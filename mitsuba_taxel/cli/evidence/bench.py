@@ -31,7 +31,8 @@ def _shown(
     keep: Callable[[Sequence[Row]], None] | None = None,
     summary: Callable[[Sequence[Row]], str] | None = None,
 ) -> list[Row]:
-    """Rows of a benchmark, stored after each; those measured so far are printed as a table, also after an error."""
+    """Print rows of a benchmark as a table, and store them after each row. Rows measured so far are printed even after
+    an error."""
     from ..tables import print_text_table, say
 
     measured: list[Row] = []

@@ -287,7 +287,7 @@ def print_slopes(study, folder: Path) -> None:
 
 
 def _end(failures: list[str], folder: Path) -> None:
-    """List failures, and end the program with exit code 1 if there are any."""
+    """List the failures of a study, and end the program with exit code 1 if there are any."""
     for line in failures[:MOST_FAILURES_SHOWN]:
         click.echo(f"failed: {line}", err=True)
     if len(failures) > MOST_FAILURES_SHOWN:

@@ -76,7 +76,8 @@ class Candidate:
 
 
 def _invariant(mode: str, stretch: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """I1 - 3 (n,), and 2 (l - l3^2 / l), the factor from dW/dI1 to stress."""
+    """Quantities of a test mode at n stretches: I1 - 3 (n,), and the factor 2 (l - l3^2 / l) (n,) from dW/dI1 to the
+    nominal stress."""
     second, third = principal(mode, stretch)
     return stretch**2 + second**2 + third**2 - 3, 2 * (stretch - third**2 / stretch)
 

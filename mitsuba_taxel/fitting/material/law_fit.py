@@ -242,7 +242,8 @@ def _correlation_factor(residual: np.ndarray, ends: np.ndarray) -> float:
 
 
 def _law(candidate: Candidate, constants: np.ndarray) -> tuple[Material | None, float, str]:
-    """The law with these constants, the stretch up to which it is stable, and the reason for a refusal."""
+    """Create the law with fitted constants. Also returns the stretch up to which it is stable, and the reason if it is
+    refused."""
     named = dict(zip(candidate.names, constants.tolist(), strict=True))
     try:
         material = candidate.build(named)

@@ -65,7 +65,8 @@ def curve_noise(curve: StressCurve, slack: float = 0.0) -> CurveNoise:
 
 
 def _smooth(curve: StressCurve, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray, bool]:
-    """Curve through the rows, deviation of each row, and whether the deviation grows with the stress."""
+    """Smooth curve through the rows of a test, deviation of each row, and whether the deviation grows with the stress.
+    """
     columns = flexible_columns(curve.mode, taken_up(curve, slack))
     columns = columns[:, : min(MOST_COLUMNS, len(curve.lines) - 2)]
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)

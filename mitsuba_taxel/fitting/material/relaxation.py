@@ -130,7 +130,8 @@ def _seconds_per_unit(what: str, column: Column) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """A series with a given number of terms: amplitude at the start, weights, times, and their errors."""
+    """A fitted Prony series with a given number of terms: amplitude at the start, weights, relaxation times, and their
+    errors."""
 
     weights: np.ndarray
     shares: np.ndarray
@@ -142,7 +143,8 @@ class _Terms:
 
 
 def _fit(time: np.ndarray, stress: np.ndarray, terms: int) -> _Terms | None:
-    """S0 (1 - sum of g_i (1 - exp(-t / tau_i))) by least squares over S0, g_i and ln tau_i; None if terms vanish."""
+    """Fit a Prony series to a relaxing stress, S0 (1 - sum of g_i (1 - exp(-t / tau_i))), by least squares over S0, g_i
+    and ln tau_i; None if terms vanish."""
     from scipy.optimize import least_squares, nnls
     from scipy.stats import t
 

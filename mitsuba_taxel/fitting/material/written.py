@@ -75,7 +75,7 @@ def write_material(fit: MaterialFit, file: str | Path, title: str = "") -> None:
 
 
 def _value(value: Any) -> str:
-    """A text, number or list in TOML; text is written as a JSON string."""
+    """Text of a value (text, number or list) in TOML; text is written as a JSON string."""
     return json.dumps(value, ensure_ascii=False)
 
 
@@ -102,7 +102,7 @@ def material_answer(fit: MaterialFit) -> str:
 
 
 def constant_rows(fit: LawFit) -> list[tuple[str, str, str]]:
-    """Name, value with the larger half of its 95 % interval, and unit of each constant.
+    """Table rows of the constants of a law: name, value with the larger half of its 95 % interval, and unit.
 
     Parameters
     ----------

@@ -200,7 +200,7 @@ def _largest_die(sheet: Datasheet, role: str) -> float:
 
 
 def _with(sheet: Datasheet, unknowns: list[PartUnknown], values: np.ndarray) -> Part:
-    """The part with values of the unknowns."""
+    """Copy of a part in which the unknowns have the given values."""
     pairs = zip(unknowns, values, strict=True)
     return sheet.with_numbers({entry: float(value) for unknown, value in pairs for entry in unknown.entries})
 
@@ -208,7 +208,8 @@ def _with(sheet: Datasheet, unknowns: list[PartUnknown], values: np.ndarray) -> 
 def _least_squares(
     sheet: Datasheet, measured: DistanceCurve, unknowns: list[PartUnknown], free: int
 ) -> tuple[np.ndarray, list[tuple[float, float]], np.ndarray]:
-    """Values, ends of intervals, and the model at the rows."""
+    """Fit the free unknowns of a part to a measured curve: their values, the ends of their intervals, and the computed
+    currents of the rows."""
     low = np.array([unknown.low for unknown in unknowns])
     span = np.array([unknown.high for unknown in unknowns]) - low
     heights, which = np.unique(measured.heights, return_inverse=True)
@@ -234,7 +235,8 @@ def _least_squares(
 
 
 def _starts(residual: Callable[[np.ndarray], np.ndarray], number: int) -> list[np.ndarray]:
-    """Starting points, from 0 to 1 along each unknown: small sums of squares are often in several valleys."""
+    """Starting points of the fit, from 0 to 1 along each unknown: those with a small sum of squares, because there are
+    often several minima."""
     trials = sobol_points(number, 2 ** (3 + number)) + 0.5
     squares = np.array([np.sum(residual(trial) ** 2) for trial in trials])
     return [trials[index] for index in squares.argsort()[:_STARTED]]
@@ -243,7 +245,8 @@ def _starts(residual: Callable[[np.ndarray], np.ndarray], number: int) -> list[n
 def _minimum(
     residual: Callable[[np.ndarray], np.ndarray], start: np.ndarray, is_free: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Least sum of squares over the free unknowns, each from 0 to 1; where it is, and its value."""
+    """Minimise the sum of squares over the free unknowns, each scaled from 0 to 1. Returns the position of the minimum
+    and its value."""
     from scipy.optimize import least_squares
 
     if not is_free.any():
@@ -274,7 +277,8 @@ def _minimum(
 def _profiles(
     residual: Callable[[np.ndarray], np.ndarray], best: tuple[np.ndarray, float], free: int, floor: float
 ) -> tuple[list[tuple[float, float]], tuple[np.ndarray, float]]:
-    """Ends of the intervals, from 0 to 1, and the least minimum on the profiles if clearly less, or ``best``."""
+    """Ends of the confidence intervals, scaled from 0 to 1. Also returns the lowest point found on the profiles if it
+    is clearly below ``best``, else ``best``."""
     from scipy.stats import t as student
 
     values, least = best

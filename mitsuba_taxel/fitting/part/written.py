@@ -55,7 +55,8 @@ def _short(value: Any) -> Any:
 
 
 def interval_text(unknown: PartUnknown) -> str:
-    """State the interval of an unknown in words; an end at a limit of the allowed values is named as such.
+    """State the confidence interval of an unknown in words; an end that is a limit of the allowed values is marked as
+    such.
 
     Parameters
     ----------

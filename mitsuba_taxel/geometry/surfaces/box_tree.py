@@ -124,7 +124,7 @@ def _halves(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _kept(level: Level, first: np.ndarray, second_level: Level, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The given pairs of nodes of both trees, without those whose boxes do not overlap."""
+    """Select those pairs of nodes of two trees whose boxes overlap."""
     for axis in range(3):
         below = level.low[first, axis] <= second_level.high[second, axis]
         kept = below & (second_level.low[second, axis] <= level.high[first, axis])
@@ -133,7 +133,7 @@ def _kept(level: Level, first: np.ndarray, second_level: Level, second: np.ndarr
 
 
 def _morton(points: np.ndarray) -> np.ndarray:
-    """Position (N,) of points (N, 3) along a space-filling curve."""
+    """Position (N,) of each of N points (N, 3) along a space-filling Morton curve."""
     extent = np.ptp(points, axis=0)
     cells = (2**MORTON_BITS - 1) * (points - points.min(axis=0)) / np.where(extent > 0, extent, 1.0)
     code = np.zeros(len(points), dtype=np.int64)

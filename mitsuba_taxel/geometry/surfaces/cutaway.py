@@ -105,7 +105,7 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
 
 
 def _clear_of(height: np.ndarray, reach: float) -> float:
-    """The shift of a plane, between 0 and ``reach``, for which the plane is farthest from the nearest vertex."""
+    """Shift of a plane, between 0 and ``reach``, at which the plane is farthest from the nearest vertex."""
     candidates = height[(height > -reach) & (height < 2 * reach)]
     shifts = reach * np.linspace(0, 1, 17)
     gaps = [np.abs(candidates - shift).min(initial=np.inf) for shift in shifts]

@@ -99,7 +99,7 @@ def _bridged(points: np.ndarray, outer: np.ndarray, holes: list[np.ndarray], str
 
 
 def _free(points: np.ndarray, loop: np.ndarray, holes: list[np.ndarray], first: int, second: int) -> bool:
-    """Whether the segment between the vertices numbered ``first`` and ``second`` meets edges only at its ends."""
+    """Whether the segment between the vertices ``first`` and ``second`` is free of edges, except at its ends."""
     starts = np.concatenate([loop, *holes])
     ends = np.concatenate([np.roll(loop, -1), *(np.roll(hole, -1) for hole in holes)])
     a, b = points[first], points[second]
@@ -109,7 +109,7 @@ def _free(points: np.ndarray, loop: np.ndarray, holes: list[np.ndarray], first: 
 
 
 def _in_corner(points: np.ndarray, loop: np.ndarray, at: int, vertex: int) -> bool:
-    """Whether a vertex lies within the angle of a corner of a loop."""
+    """Whether a vertex lies inside the angle that a loop forms at one of its corners."""
     before, here, after = points[loop[at - 1]], points[loop[at]], points[loop[(at + 1) % len(loop)]]
     inside_next, inside_previous = _turn(here, after, points[vertex]) > 0, _turn(before, here, points[vertex]) > 0
     is_convex = _turn(before, here, after) > 0
@@ -117,13 +117,14 @@ def _in_corner(points: np.ndarray, loop: np.ndarray, at: int, vertex: int) -> bo
 
 
 def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Twice the area of triangles, positive if counter-clockwise."""
+    """Twice the area of triangles with the corners a, b and c; positive if they are counter-clockwise."""
     a, b, c = np.asarray(a), np.asarray(b), np.asarray(c)
     return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
 
 
 def _unless(strict: bool, makeshift: int) -> int:
-    """The result ``makeshift`` for loops that allow no valid triangulation; raises `NotSimple` if ``strict``."""
+    """Return the provisional result ``makeshift`` for loops that allow no valid triangulation; raises `NotSimple` if
+    ``strict``."""
     if strict:
         raise NotSimple
     return makeshift

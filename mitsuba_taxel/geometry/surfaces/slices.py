@@ -112,8 +112,8 @@ class _Crossings:
 def _bands(
     height: np.ndarray, triangles: np.ndarray, crossings: _Crossings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pieces of triangles between planes, with their parents and bands. Corners are vertex numbers or keys; degenerate
-    pieces repeat a vertex."""
+    """Cut triangles along the planes; returns the pieces, their original triangles, and the number of the plane below
+    each."""
     order = np.argsort(height[triangles], axis=1, kind="stable")
     turned = (order[:, 1] - order[:, 0]) % 3 == 2
     corners = np.take_along_axis(triangles, order, axis=1).astype(np.int64)
@@ -151,8 +151,8 @@ def _bands(
 def _split_beside(
     height: np.ndarray, triangles: np.ndarray, cut: np.ndarray, crossings: _Crossings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles beside the ``cut`` triangles, with shared edges split at the planes, and the original triangle of each
-    piece."""
+    """Split the triangles beside the ``cut`` triangles: their shared edges are divided at the planes. Returns the
+    pieces and the original triangle of each."""
     triangles = triangles.astype(np.int64)
     edges = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
     ends = np.sort(height[edges], axis=2)
@@ -178,12 +178,12 @@ def _split_beside(
 
 
 def _edge_keys(triangles: np.ndarray, vertices: int) -> np.ndarray:
-    """A number (T, 3) for each edge of T triangles, the same for both directions of an edge."""
+    """Integer key (T, 3) of each edge of T triangles; both directions of an edge have the same key."""
     ends = triangles.astype(np.int64), np.roll(triangles, -1, axis=1).astype(np.int64)
     return np.minimum(*ends) * vertices + np.maximum(*ends)
 
 
 def _repeated(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The number of each row, repeated ``count`` times, and the index of each repetition."""
+    """Numbers of rows, each repeated ``count`` times, and the index of each repetition."""
     rows = np.repeat(np.arange(len(count)), count)
     return rows, np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)

@@ -49,7 +49,8 @@ def without_slivers(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarr
 
 
 def _merged(triangles: np.ndarray, short: np.ndarray, vertices: int) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles after the ends of ``short`` (T, 3) sides are merged, and a mask of the triangles that remain."""
+    """Merge the two ends of each side marked in ``short`` (T, 3). Returns the triangles, and a mask of those that
+    remain."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -66,7 +67,8 @@ def _merged(triangles: np.ndarray, short: np.ndarray, vertices: int) -> tuple[np
 
 
 def _without_pairs(triangles: np.ndarray) -> np.ndarray:
-    """Mask of the triangles that remain after pairs with the same corners but opposite orientations are removed."""
+    """Mask of the triangles that remain when pairs of triangles with the same corners but opposite orientations are
+    removed."""
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)
     same = np.zeros(len(order) + 1, dtype=bool)
@@ -100,7 +102,8 @@ def _exchanged(
 
 
 def _neighbours(triangles: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (S,) of the triangles that have the directed sides (b, a), and their third corners (S,)."""
+    """Triangles (S,) across the directed sides (a, b), which contain the side in the opposite direction (b, a), and
+    their third corners (S,)."""
     size = int(triangles.max()) + 1
     sides = triangles.astype(np.int64) * size + np.roll(triangles, -1, axis=1)
     opposite_sides = b.astype(np.int64) * size + a

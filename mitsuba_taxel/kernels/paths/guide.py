@@ -163,7 +163,7 @@ class Guide:
         return dr.normalize(dr.cross(b - a, c - a))
 
     def _corners(self, triangle: mi.UInt32, active: mi.Bool | bool = True) -> list[mi.Point3f]:
-        """The three corners of a triangle."""
+        """The three corners (3 points, world coordinates) of a triangle."""
         return [dr.gather(mi.Point3f, self.corners, 3 * triangle + k, active) for k in range(3)]
 
     def contains(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
@@ -263,7 +263,7 @@ def _surface_of(mesh: mi.Mesh) -> CellSurface:
 
 
 def _corners(mesh: mi.Mesh) -> mi.Float:
-    """Coordinates (9 N,) of the corners of all N triangles, in the order of the triangles."""
+    """Coordinates (9 N,) of the corners of all N triangles of a mesh, in the order of the triangles."""
     parameters = mi.traverse(mesh)
     faces, positions = parameters["faces"], dr.detach(parameters["vertex_positions"])
     number = dr.arange(mi.UInt32, 3 * len(faces))

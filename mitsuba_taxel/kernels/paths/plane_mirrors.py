@@ -148,7 +148,7 @@ def without_images(scene: mi.Scene) -> Iterator[None]:
 
 
 def _on(mesh: Any, positions: np.ndarray, pair: TaxelPair, wall: Any) -> PlaneMirrors | None:
-    """The plane mirrors of a pad whose V vertices have the coordinates ``positions`` (3 V,)."""
+    """Find the plane mirrors of a pad whose V vertices have the coordinates ``positions`` (3 V,)."""
     parameters = mi.traverse(mesh)
     corners = positions.reshape(-1, 3).astype(float)[np.array(parameters["faces"]).reshape(-1, 3)]
     region, cell = mesh.surface.region, mesh.surface.cell

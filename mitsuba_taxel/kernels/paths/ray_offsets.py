@@ -83,12 +83,12 @@ def release(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) 
 
 
 def _cleared(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Point3f:
-    """A point of a surface, offset along the normal to the side into which ``d`` points."""
+    """Point of a surface, moved along the normal by the offset, to the side into which ``d`` points."""
     return p + n * dr.mulsign(_offset(p, clearance), dr.dot(n, d))
 
 
 def _offset(p: mi.Point3f, clearance: mi.Float) -> mi.Float:
-    """Offset of a ray's origin at ``p``."""
+    """Offset in mm that a ray's origin at ``p`` needs in single precision."""
     return dr.fma(1e-6, dr.max(dr.abs(p)), clearance)
 
 

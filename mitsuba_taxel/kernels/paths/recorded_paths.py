@@ -44,7 +44,8 @@ class RecordedPaths:
         led_index: mi.UInt32,
         *objects: Any,
     ) -> mi.Float:
-        """The result of ``trace``, by a recorded kernel if possible.
+        """Trace light paths by the function ``trace``, with a recorded kernel if possible; returns the power of each
+        path in W.
 
         Parameters
         ----------
@@ -77,7 +78,7 @@ class RecordedPaths:
         return trace(scene, sampler, index, led_index)
 
     def _of(self, scene: mi.Scene, size: tuple[int, int], objects: tuple[Any, ...]) -> _Recording | None:
-        """The recorded kernel for a size of wavefronts; None for the first wavefront of a size, or if recording is
+        """Recorded kernel for wavefronts of a size; None for the first wavefront of this size, or if recording is
         impossible."""
         if dr.backend_v(mi.Float) != dr.JitBackend.LLVM or not isinstance(scene, mi.Scene):
             return None

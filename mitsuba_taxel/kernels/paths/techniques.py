@@ -73,7 +73,7 @@ class Mirrored:
 
     @classmethod
     def nowhere(cls) -> Mirrored:
-        """Data of a ray that no mirror has reflected."""
+        """Default data, for a ray that no mirror has reflected."""
         return cls(mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0))
 
 
@@ -485,7 +485,8 @@ class Techniques:
 
     @staticmethod
     def _weight(*alternatives: tuple[bool, mi.Float]) -> mi.Float:
-        """Weight of a technique by the power heuristic.
+        """Weight of a technique by the power heuristic (multiple importance sampling). ``alternatives`` lists all other
+        techniques: whether each is in use, and its density relative to that of this technique.
 
         Each alternative is a technique: whether it is in use, and its density relative to that of the weighted one.
         """

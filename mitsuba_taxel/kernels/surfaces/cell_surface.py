@@ -29,8 +29,8 @@ class CellSurface:
 
     @cached_property
     def middles(self) -> np.ndarray:
-        """Mean position (largest cell + 1, 3) of the triangles of each cell, mm; row 0 is that of triangles without a
-        cell."""
+        """Mean position in mm of the triangles of each cell, as an array (largest cell number + 1, 3). Row 0 is that of
+        triangles without a cell."""
         cell = np.maximum(self.cell, 0)
         count = np.maximum(np.bincount(cell), 1)
         columns = self.vertices[self.triangles].mean(axis=1).T

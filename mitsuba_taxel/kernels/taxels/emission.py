@@ -148,18 +148,19 @@ class Tabulated:
 
 
 def _direction(sin_theta: mi.Float, cos_theta: mi.Float, turn: mi.Float) -> mi.Vector3f:
-    """A unit vector from sine and cosine of its polar angle and from its azimuth, ``turn`` in [0, 1) times two pi."""
+    """Unit vector from the sine and cosine of its polar angle and from its azimuth, given as a fraction ``turn`` of a
+    full turn."""
     sin_phi, cos_phi = dr.sincos(dr.two_pi * turn)
     return mi.Vector3f(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
 
 
 def _one_minus_cosine(direction: mi.Vector3f) -> mi.Float:
-    """1 - cos(theta) of a unit vector, without cancellation near the axis."""
+    """Value 1 - cos(theta) of a unit vector at the polar angle theta, without loss of digits near the axis."""
     return (dr.square(direction.x) + dr.square(direction.y)) / (1 + direction.z)
 
 
 def _sine(one_minus_cosine: mi.Float) -> mi.Float:
-    """Sine of an angle, without cancellation near the axis."""
+    """Sine of an angle from one minus its cosine, without loss of digits near the axis."""
     return dr.sqrt(one_minus_cosine * (2 - one_minus_cosine))
 
 

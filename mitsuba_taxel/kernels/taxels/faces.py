@@ -85,5 +85,5 @@ class FaceGrid:
 
 
 def _opaque(kind: type, values) -> Any:
-    """A vector whose components are inputs of kernels, not literals, so that other values need no new kernel."""
+    """Vector whose components are inputs of kernels rather than literals: other values then need no new kernel."""
     return kind(*(dr.opaque(mi.Float, float(value)) for value in values))

@@ -58,12 +58,12 @@ class Window(Protocol):
         the die, and whether ``p`` lies in the open window of that die."""
 
     def apparent(self, squared_distance: mi.Float, cosine: mi.Float) -> mi.Float:
-        """Square of the apparent distance to the point of a die that a ray hits, from the square of its distance to the
-        window and the cosine of its angle in air."""
+        """Square of the apparent distance to the point of a die that a ray hits. It follows from the square of the
+        distance to the window and the cosine of the angle in air."""
 
 
 class NoWindow:
-    """Dies without windows, in the surface of the body."""
+    """Stands for the windows of dies that have none, because they lie in the surface of the body."""
 
     def __init__(self, faces: FaceGrid) -> None:
         self.faces = faces
@@ -130,12 +130,13 @@ class ResinWindow:
         return self._apparent(dr.sqrt(squared_distance) * cosine, cosine)
 
     def _lateral_shift(self, local: mi.Vector3f) -> mi.Point2f:
-        """Lateral shift in the resin of light with a direction in air, from the die to the window."""
+        """Lateral distance that light travels in the resin between die and window, for a direction in air."""
         lateral = mi.Point2f(local.x, local.y)
         return lateral * (self.depth * dr.rsqrt(dr.square(self.index) - dr.squared_norm(lateral)))
 
     def _tangent_per_distance(self, height: mi.Float, squared_distance: mi.Float) -> mi.Float:
-        """The ratio tan t / R, by Newton's method.
+        """Ratio tan t / R: the tangent of the angle in air, divided by the lateral distance R of point and die. It is
+        found by Newton's method.
 
         R is a concave function of tan t, and the initial value R / (a + b / n) does not exceed the solution: the steps
         approach it from one side.
@@ -149,7 +150,8 @@ class ResinWindow:
         return result
 
     def _apparent(self, height: mi.Float, cosine: mi.Float) -> mi.Float:
-        """Square of the apparent distance r, from the height a and the cosine of t."""
+        """Square of the apparent distance r of a die below a window, from the height a of the point above the window
+        and the cosine of the angle t in air."""
         inverse = dr.rsqrt(dr.square(self.index) - 1 + dr.square(cosine))
         bent = self.depth * cosine * inverse
         return (height + bent) * (height / dr.square(cosine) + bent * dr.square(self.index * inverse))

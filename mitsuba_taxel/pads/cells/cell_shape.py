@@ -198,7 +198,7 @@ class CellShape(Kind, family="cell"):
         """
 
     def check_side(self, least: float) -> None:
-        """Raise `InputError` if the side wall is too low.
+        """Raise `InputError` if the side wall is lower than a limit.
 
         Parameters
         ----------
@@ -339,7 +339,7 @@ class CellShape(Kind, family="cell"):
 
     @abstractmethod
     def holds(self, points: np.ndarray, slack: float) -> np.ndarray:
-        """Mask of the points that lie within the hollow of the cell.
+        """Mask of the points that lie inside the hollow of the cell.
 
         Parameters
         ----------

@@ -84,7 +84,7 @@ class Fillet(ABC):
 def refused(
     radius: float, size: float, largest: float, name: str = "fillet", beside: str = "half the roof and of the side"
 ) -> InputError:
-    """Create the error for a radius of rounded edges that is not allowed.
+    """Create the error for a radius of rounded edges (a fillet) that is not allowed.
 
     Parameters
     ----------

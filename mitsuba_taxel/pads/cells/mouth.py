@@ -111,7 +111,8 @@ class Mouth:
         return np.column_stack([nearest + on_arc[:, :1] * outwards, on_arc[:, 1]]), gradient
 
     def onto_sharp_edge(self, points: np.ndarray) -> np.ndarray:
-        """For points on the rounded mouth: the points of the sharp-edged cell that the rounding moves there.
+        """Inverse of the rounding: for points on the rounded mouth, the points of the sharp-edged cell from which the
+        rounding moved them.
 
         Parameters
         ----------
@@ -181,12 +182,13 @@ class Mouth:
 
     @property
     def _core(self) -> float:
-        """Half the side of the square within which the nearest point of the core of the section lies, mm."""
+        """Half the side in mm of the square core of the cell's section. The distance of a point from the wall is
+        measured from the nearest point of this core."""
         return 0.0 if self.corner is None else self.half - self.corner
 
     @property
     def _centre(self) -> np.ndarray:
-        """(2,) Distance of the circle's centre from the core, and its height, mm."""
+        """Centre (2,) of the fillet's circle: its distance from the core of the section, and its height, mm."""
         return np.array([self.half - self._core + self.width, self.radius])
 
     def _from_core(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

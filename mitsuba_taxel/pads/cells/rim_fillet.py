@@ -70,7 +70,8 @@ class RimFillet(Fillet):
         return projected, gradient
 
     def onto_sharp_wall(self, points: np.ndarray) -> np.ndarray:
-        """For points on the rounded wall: the points of the sharp-edged wall that the rounding moves there.
+        """Inverse of the rounding: for points on the rounded wall, the points of the sharp-edged wall from which the
+        rounding moved them.
 
         Parameters
         ----------
@@ -97,7 +98,8 @@ class RimFillet(Fillet):
         return sharp
 
     def slid(self, points: np.ndarray, origin: RimFillet) -> np.ndarray:
-        """Move points on the roof of the sharp-edged cell along it, as far as the border of the fillet moves.
+        """Move points along the roof of the sharp-edged cell by as much as the border of the fillet moves when its
+        radius changes.
 
         Parameters
         ----------
@@ -159,7 +161,8 @@ class RimFillet(Fillet):
         return self._revolved(x, y, below, [Segment(_point(low), _point(self.rim)), _curve(ring)])
 
     def _revolved(self, x: float, y: float, below: float, edges: list[Any]) -> Any:
-        """The solid whose meridian has these edges from the lower to the upper border of the fillet."""
+        """Solid of revolution whose meridian consists of the given edges, from the lower to the upper border of the
+        fillet."""
         from netgen.occ import Axis, Face, Pnt, Segment, Vec, Wire, Z
 
         low, high = self.arc.at(self.arc.ends)[0]
@@ -176,7 +179,7 @@ class RimFillet(Fillet):
         return solid.Move(Vec(x, y, 0))
 
     def _roof_points(self) -> np.ndarray:
-        """Points (M, 2) of the roof from the crown, without its border."""
+        """Points (M, 2) in mm along the roof's meridian, from the crown up to the fillet, without the last point."""
         points = self.roof.at(np.linspace(0.0, 1.0, SAMPLES))[0]
         points[0, 0] = 0.0
         return points[points[:, 0] < self.arc.at(self.arc.ends[1:])[0][0, 0] * (1 - 1 / SAMPLES)]
@@ -261,7 +264,8 @@ def _point(point: np.ndarray) -> Any:
 
 
 def _curve(points: list[np.ndarray]) -> Any:
-    """A curve through points (r, z): straight if they have the same height."""
+    """Curve through points (r, z) of a meridian, for the solid: straight if they have the same height, else a spline.
+    """
     from netgen.occ import Segment, SplineInterpolation
 
     if np.ptp([point[1] for point in points]) < 1e-12:

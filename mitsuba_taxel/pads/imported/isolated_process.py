@@ -1,4 +1,4 @@
-"""Mesh a user's geometry in a separate process: meshers may crash, hang or exhaust memory."""
+"""Meshing of a user's geometry in a separate process: meshers may crash, hang or exhaust memory."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def tagged(
 
 
 def _standing(surface: FacedSurface, rules: Sequence[Rule]) -> list[str]:
-    """The values of ``up`` with which the surface in a file would be accepted as a pad."""
+    """Values of the parameter ``up`` with which the surface in a file would be accepted as a pad."""
     directions = []
     for up in DIRECTIONS:
         if up != AS_DRAWN:
@@ -176,7 +176,7 @@ def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
 
 
 def _looks_down(surface: FacedSurface, group: np.ndarray) -> np.ndarray:
-    """Mask (T,): whether enough of the area of a triangle's group (T,) faces down, such as the middle of a dome."""
+    """Mask (T,) of the triangles whose group (T,) faces down with enough of its area, as the middle of a dome does."""
     vector = area_normals(surface.vertices, surface.triangles)
     area = np.linalg.norm(vector, axis=1)
     area_facing_down = vector[:, 2] < -math.cos(math.radians(ROOF_ANGLE)) * area
@@ -210,7 +210,7 @@ class _Faces:
         self.at_top = (lowest >= height - tolerance) & (self.normal[:, 2] >= level)
 
     def meet(self, rule: Rule) -> np.ndarray:
-        """Mask (F,): whether each of F faces meets all conditions of a rule."""
+        """Mask (F,) of the faces that meet all conditions of a rule."""
         matches = np.ones(len(self.normal), dtype=bool)
         if rule.face is not None:
             matches &= self.names == rule.face
@@ -241,7 +241,8 @@ def _check_ends(surface: FacedSurface, region: np.ndarray) -> None:
 
 
 def _hollow(count: int, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
-    """Mask (T,): whether a triangle is part of a hollow; ``region`` (T,) is 0 where it is not assigned yet."""
+    """Mask (T,) of the triangles in hollows, that is, in cells. ``region`` (T,) is the code of the region of each
+    triangle, 0 if none is assigned yet."""
     bottom, top = region == REGIONS["bottom"], region == REGIONS["top"]
     between = ~(bottom | top)
     component = components(count, pairs[np.all(between[pairs], axis=1)])

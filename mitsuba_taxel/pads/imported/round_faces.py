@@ -121,7 +121,7 @@ def _round(nodes: np.ndarray, axes: int) -> tuple[np.ndarray, float] | None:
 
 
 def _fitted(points: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre and radius of the sphere or circle through points (N, 3) or (N, 2), by least squares.
+    """Fit a sphere to points (N, 3), or a circle to points (N, 2), by least squares. Returns its centre and radius.
 
     The fit is linear in c and in the bracket of x.x = 2 c.x + (r^2 - c.c), for points x, centre c and radius r.
     """

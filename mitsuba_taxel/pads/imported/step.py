@@ -83,7 +83,7 @@ def mesh_step(path: Path, digest: str, rules: tuple[Rule, ...], mesh_size: float
 
 
 def _read_as(path: Path, placement: Placement) -> dict[str, object]:
-    """Arguments that describe the file to the tasks of the worker process."""
+    """Arguments that tell the worker process how to read a STEP file: path, scale, rotation and position."""
     up = "" if placement.up == AS_DRAWN else placement.up
     return {"path": str(path), "scale": placement.scale, "turn": placement.turn, "centred": bool(up)}
 
@@ -91,8 +91,8 @@ def _read_as(path: Path, placement: Placement) -> dict[str, object]:
 def _good_mesh(
     solid: dict[str, object], survey: Survey, mirrors: tuple[Mirror, ...], mesh_size: float, last: bool
 ) -> VolumeMesh | None:
-    """The first mesh without distorted elements, or None. With ``last``, a complete mesh with distorted elements is
-    accepted too."""
+    """Mesh a solid with several refinements; returns the first mesh without distorted elements, or None. With ``last``,
+    a complete mesh with distorted elements is accepted too."""
     for refinement in REFINEMENTS:
         try:
             mesh = completed(_meshed(solid, survey, mirrors, mesh_size, FINER * refinement), mirrors)
@@ -108,7 +108,8 @@ def _good_mesh(
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What meshing needs to know of a solid with F faces: volume, symmetries, regions and edges with singular stress.
+    """Properties of a solid with F faces that its meshing needs: volume, symmetries, regions, and edges with singular
+    stress.
 
     Attributes
     ----------
@@ -236,7 +237,8 @@ def _meshed(
 
 
 def _read(raw: dict[str, np.ndarray], survey: Survey) -> tuple[VolumeMesh, np.ndarray]:
-    """Netgen's mesh, and the face of the body (B,) of each of its boundary triangles."""
+    """Convert Netgen's mesh. Returns the mesh, and the number (B,) of the solid's face on which each of its boundary
+    triangles lies."""
     corners, middles = raw["tets"][:, :4].astype(np.int64) - 1, raw["tets"][:, 4:10].astype(np.int64) - 1
     points, tets, faces = second_order(*positive(raw["points"], corners))
     # Both number the edges in the order of their corners.
@@ -254,5 +256,5 @@ def _read(raw: dict[str, np.ndarray], survey: Survey) -> tuple[VolumeMesh, np.nd
 
 
 def _by_corners(triangles: np.ndarray) -> np.ndarray:
-    """Order (T,) that sorts triangles by their corners, irrespective of the corner at which each begins."""
+    """Order (T,) that sorts triangles by their corner numbers, whichever corner comes first in a triangle."""
     return np.lexsort(np.sort(triangles, axis=1).T)

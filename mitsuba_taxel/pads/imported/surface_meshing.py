@@ -223,7 +223,8 @@ def _meshed(surface_part: SurfacePart, edges: SingularEdges, mesh_size: float, r
 
 
 def _sorted(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles sorted by their corners, irrespective of the corner at which each begins, and the order."""
+    """Sort triangles by their corner numbers, whichever corner comes first in a triangle. Returns the sorted triangles
+    and the order."""
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)
     return corners[order], order

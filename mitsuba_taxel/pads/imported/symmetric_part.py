@@ -209,7 +209,8 @@ def exactly_on(points: np.ndarray, planes: Sequence[Mirror], height: float, tole
 def _cut(
     vertices: np.ndarray, triangles: np.ndarray, mirror: Mirror, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The triangles on the kept side of a plane, and their original numbers. Triangles across the plane are cut."""
+    """Cut a surface along a plane of symmetry. Returns the triangles on the kept side, and the number of the original
+    triangle of each."""
     vertices = onto_planes(vertices, [mirror], tolerance)
     sign = np.sign(mirror.side(vertices))
     edges, number = np.unique(np.sort(half_edges(triangles)[0], axis=1), axis=0, return_inverse=True)

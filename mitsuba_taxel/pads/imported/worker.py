@@ -58,7 +58,7 @@ def _remove(folder: str) -> None:
 
 
 def _fill(vertices: Any, triangles: Any, mesh_size: Any) -> dict[str, Any]:
-    """Straight tetrahedra within a closed surface, whose triangles are kept (Netgen)."""
+    """Fill a closed surface with straight tetrahedra by Netgen; the triangles of the surface are kept."""
     import numpy as np
     from netgen.meshing import FaceDescriptor, Mesh, MeshingParameters
 
@@ -74,7 +74,8 @@ def _fill(vertices: Any, triangles: Any, mesh_size: Any) -> dict[str, Any]:
 
 
 def _tetrahedralise(vertices: Any, triangles: Any, mesh_size: Any, epsilon: Any) -> dict[str, Any]:
-    """Straight tetrahedra within ``epsilon`` mm of a surface (fTetWild: Hu et al. 2020)."""
+    """Fill a surface with straight tetrahedra by fTetWild (Hu et al. 2020); the boundary lies within ``epsilon`` mm of
+    the surface."""
     import numpy as np
 
     # Python does not search the folder of this script if `taxel` has set PYTHONSAFEPATH.

@@ -78,8 +78,8 @@ def cut_towards(
 
 
 class _CutEdges:
-    """Cuts of simplices on E edges (E, 2), each with one of the ``singular`` corners at one end, at fractions (E,) of
-    their length."""
+    """Cuts of elements on E edges (E, 2). Each edge has one ``singular`` end, and is cut at a fraction (E,) of its
+    length from this end."""
 
     def __init__(self, singular: np.ndarray, edges: np.ndarray, fraction: np.ndarray) -> None:
         self.singular, self.edges, self.fraction = singular, edges, fraction
@@ -134,7 +134,8 @@ class _CutEdges:
 
 
 def _singular_first(singular: np.ndarray) -> np.ndarray:
-    """Even permutations (M, n) of the corners of simplices that put the singular ones (M, n) first."""
+    """Reorder the corners of elements by even permutations (M, n), so that the corners marked in ``singular`` (M, n)
+    come first."""
     size = singular.shape[1]
     even_permutations = [p for p in permutations(range(size)) if np.linalg.det(np.eye(size)[list(p)]) > 0]
     table = np.zeros((2**size, size), dtype=np.int64)

@@ -145,7 +145,8 @@ def on_round_walls(pad: DrawnPad, mesh: VolumeMesh) -> np.ndarray:
 
 
 def _inside_of_outer_edges(pad: DrawnPad, axis: int) -> tuple[float, float]:
-    """Distance of the rounded edges of the outside from the middle along an axis, and from the outer cells, mm."""
+    """Distances in mm of the rounded outer edges along an axis: from the middle of the pad, and from the outermost
+    cells."""
     radius = 0.0 if pad.outside is None else pad.outside.radius
     return 0.5 * pad.extent[axis] - radius, pad.wall - radius
 

@@ -198,7 +198,7 @@ def _symmetric_mesh(pad: DrawnPad, mesh_size: float, refinement: float) -> Volum
 
 
 def _with_wide_edges(pad: DrawnPad, edge_size: float) -> DrawnPad:
-    """The pad with fillets of mouths and of the outside that are about as wide as elements along edges, mm."""
+    """Copy of a pad with wider fillets of mouths and of the outside: about as wide as elements along edges, in mm."""
     thinnest = min(pad.wall, 0.5 * (pad.pitch - pad.cell_size) if pad.rows * pad.columns > 1 else math.inf)
     radii = [pad.mouth_fillet, pad.outer_fillet]
     rooms = [min(thinnest, pad.side_height - pad.fillet), thinnest]
@@ -207,8 +207,8 @@ def _with_wide_edges(pad: DrawnPad, edge_size: float) -> DrawnPad:
 
 
 def _with_wide_or_sharp_edges(pad: DrawnPad, mesh_size: float, refinement: float) -> VolumeMesh:
-    """The mesh of the symmetric part of an upright pad, whose fillets of mouths and of the outside are meshed as they
-    are."""
+    """Mesh of the symmetric part of an upright pad. Fillets of mouths and of the outside are meshed with their true
+    radius."""
     edges, below = pad.edges, -pad.cell_size
     if edges is None:
         mesh = _generated(pad, mesh_size, refinement)
@@ -234,7 +234,7 @@ def _with_wide_or_sharp_edges(pad: DrawnPad, mesh_size: float, refinement: float
 
 
 def _narrowed(mesh: VolumeMesh, wide: DrawnPad, pad: DrawnPad) -> np.ndarray:
-    """Nodes (N, 3) of a mesh moved from the pad with wide fillets. Midpoints of straight edges remain midpoints."""
+    """Nodes (N, 3) of a mesh after its fillets are narrowed from those of the pad ``wide`` to those of ``pad``."""
     sharp = sharp_nodes(wide, mesh, mesh.points)
     points = sharp + wide.shape.shifts(pad.shape, sharp, lambda function: function(pad.shape) - function(wide.shape))
     points = carried(wide, pad, sharp, points)
@@ -339,13 +339,14 @@ def _slender_wall(pad: DrawnPad) -> tuple[float, float]:
 
 
 def _finer(pad: DrawnPad, mesh_size: float) -> float:
-    """Factor of the sizes on round roofs: the relative mesh size, down to `FINER_DOMES`; 1 on coarser meshes and flat
-    roofs."""
+    """Factor of the element size on round roofs on meshes finer than the default: the relative mesh size, down to
+    `FINER_DOMES`; 1 on coarser meshes and for flat roofs."""
     return min(max(mesh_size / pad.default_mesh_size, FINER_DOMES), 1.0) if "roof" in pad.shape.round_regions else 1.0
 
 
 def _finer_edges(pad: DrawnPad, mesh_size: float) -> float:
-    """Factor of the sizes along singular edges, down to `FINER_EDGES`; 1 on coarser meshes and for round roofs."""
+    """Factor of the element size along singular edges on meshes finer than the default, down to `FINER_EDGES`; 1 on
+    coarser meshes and for round roofs."""
     relative = (mesh_size / pad.default_mesh_size) ** EDGE_EXPONENT
     return 1.0 if "roof" in pad.shape.round_regions else min(max(relative, FINER_EDGES), 1.0)
 
@@ -368,7 +369,7 @@ def _read(mesh: Any, pad: DrawnPad, unit: float) -> VolumeMesh:
 
 
 def _right_handed(tets: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Tetrahedra with positive volume: negative ones get their second and third corner swapped."""
+    """Orient tetrahedra to positive volume: inverted tetrahedra get their second and third corner swapped."""
     a, b, c, d = (points[tets[:, k]] for k in range(4))
     negative = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0
     swap = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
@@ -376,7 +377,7 @@ def _right_handed(tets: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Boundary triangles oriented counter-clockwise seen from outside."""
+    """Orient boundary triangles counter-clockwise as seen from outside the silicone."""
     opposite: dict[tuple[int, ...], int] = {}
     for corners in ((0, 1, 2, 3), (0, 1, 3, 2), (0, 2, 3, 1), (1, 2, 3, 0)):
         sorted_corners = np.sort(tets[:, corners[:3]], axis=1)
@@ -414,7 +415,7 @@ def snapped(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
 
 
 def _numbered(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
-    """The mesh with the cell number of each roof and side face, and corners before other nodes."""
+    """Number the mesh: corners before other nodes, and roof and side faces by cell."""
     from scipy.spatial import cKDTree
 
     corners = np.zeros(len(mesh.points), dtype=bool)

@@ -29,7 +29,7 @@ class Outside:
     radius: float
 
     def onto_rounded(self, points: np.ndarray) -> np.ndarray:
-        """The points of the rounded outside that are nearest to points on or near the outside, sharp or rounded.
+        """Project points on or near the outside, sharp or rounded, onto the nearest points of the rounded outside.
 
         Parameters
         ----------
@@ -45,7 +45,8 @@ class Outside:
         return nearest + away * (self.radius / np.linalg.norm(away, axis=1))[:, None]
 
     def onto_sharp(self, points: np.ndarray) -> np.ndarray:
-        """For points on the rounded outside: the points of the sharp-edged outside that the rounding moves there.
+        """Inverse of the rounding: for points on the rounded outside, the points of the sharp-edged outside from which
+        the rounding moved them.
 
         Parameters
         ----------
@@ -83,7 +84,8 @@ class Outside:
         return block
 
     def _from_core(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Nearest points of the smaller block, which is endless downwards, and vectors from there."""
+        """Nearest points of the inner block of the rounded outside, and vectors from there to the points. The inner
+        block has no lower end."""
         high = np.array([0.5, 0.5, 1.0]) * self.extent - self.radius
         nearest = np.clip(points, [-high[0], -high[1], -np.inf], high)
         return nearest, points - nearest

@@ -45,7 +45,8 @@ LARGEST_LEAN = 0.5
 
 
 def _default_heights() -> str:
-    """The default height of cells, in words: the most common one, then the exceptions by shape."""
+    """Text for the documentation: the default height of cells, first the most common one, then the exceptions by shape.
+    """
     words = {name: shape.default_height_words for name, shape in CellShape.kinds().items()}
     usual = mode(words.values())
     return "; ".join([usual, *(f"{name} {height}" for name, height in words.items() if height != usual)])
@@ -300,7 +301,7 @@ class Pad(Kinded, Displayed):
 
     @property
     def edges(self) -> Fillet | None:
-        """The rounded edges of the cells, upright; None if they are sharp."""
+        """The rounded edges (fillet) of an upright cell; None if its edges are sharp."""
         return self.shape.filleted(self.fillet) if self.fillet else None
 
     def with_fillet(self, radius: float) -> Self:

@@ -1,4 +1,4 @@
-"""Fillets: the meshes of pads whose cells have rounded edges.
+"""Fillets: meshes of pads whose cells have rounded edges.
 
 Cuboid cells are meshed with fillets that are as wide as elements, and the mesh is moved onto the pad: elements at the
 edges become as thin as the fillet, and stay as long.
@@ -7,7 +7,8 @@ Round cells are meshed with sharp rims. The elements at the rim are cut so that 
 fillet is wide, and as long as before along the rim; then each node of a wall moves to its image on the rounded wall,
 as `pads.cells.rim_fillet` describes it.
 
-So a fillet needs hardly more elements than a sharp edge, however small it is."""
+So a fillet needs hardly more elements than a sharp edge, however small it is.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +98,7 @@ def _on_circle(pad: DrawnPad, points: np.ndarray, radius: float, height: float) 
 
 
 def _cut_between_rims(mesh: VolumeMesh, pad: DrawnPad) -> VolumeMesh:
-    """The mesh after cutting all edges, within elements, that connect two nodes of rims directly."""
+    """Cut all edges inside elements that connect two nodes on rims directly; returns the resulting mesh."""
     while True:
         on_rim = _on_rims(pad, mesh.points)
         count = len(mesh.points)

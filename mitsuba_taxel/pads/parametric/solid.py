@@ -47,7 +47,7 @@ def symmetric_part(pad: DrawnPad, cell: Callable[[float, float], Any]) -> Any:
 
 
 def _quadrant(pad: DrawnPad) -> Any:
-    """The part x, y >= 0 of the pad without cells."""
+    """The quadrant x, y >= 0 of the pad as a solid without cells."""
     from netgen.occ import Box, Pnt
 
     width, depth, height = pad.extent
@@ -62,7 +62,7 @@ def _quadrant(pad: DrawnPad) -> Any:
 
 
 def _beyond_diagonal(pad: DrawnPad) -> Any:
-    """A box over y > x, larger than the pad."""
+    """A box that covers the region y > x of the pad; it is cut off from the quadrant of a square pad."""
     from netgen.occ import Axis, Box, Pnt, Z
 
     reach = 2 * sum(pad.extent)

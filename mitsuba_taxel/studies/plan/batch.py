@@ -113,7 +113,8 @@ class Batch:
 
     @cached_property
     def forces(self) -> dict[str, tuple[str, int]]:
-        """Component of the force and its sign, by the name of its parameter; see `forces_of_parameters`."""
+        """Names of the scene's parameters that are forces, each with the component of the force that it sets and its
+        sign; see `forces_of_parameters`."""
         return forces_of_parameters(self.file)
 
     @cached_property
@@ -287,7 +288,7 @@ def make_batch(
 
 
 def loads_among(roles: Mapping[str, tuple[str, int]]) -> list[str]:
-    """Names of those parameters that set a component of the load (force, displacement or pressure).
+    """Select the parameters that set a component of the load: of a force, a displacement or a pressure.
 
     Parameters
     ----------
@@ -495,7 +496,7 @@ def columns_of(file: Path, what: str = "steps", parameters: Collection[str] = ()
 
 
 def _listed(values: object) -> str | list[object]:
-    """Values in the form that :func:`make_axes` takes: a single number becomes a list."""
+    """Convert values to the form that :func:`make_axes` takes: a single number becomes a list."""
     if isinstance(values, list):
         return [_word(value) for value in values]
     return values if isinstance(values, str) else [_word(values)]

@@ -50,7 +50,7 @@ def grown(batch: Batch, stored: Mapping[str, Any]) -> Batch:
 
 
 def _better(batch: Batch, stored: Mapping[str, Any]) -> dict[str, Any]:
-    """Targets of the extended study: the stored ones if the batch has none, else the stricter where both have one."""
+    """Targets of an extended study: those of the stored study if the batch has none, else the stricter ones."""
     if all(getattr(batch, name) is None for name in (*TARGETS, "time_budget")):
         return {name: stored.get(name) for name in TARGETS}
     both = [name for name in TARGETS if getattr(batch, name) is not None and name in stored]
@@ -58,7 +58,7 @@ def _better(batch: Batch, stored: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _rows(before: Axis, requested: Axis) -> Axis | None:
-    """The longer of two dimensions of rows if it starts with the rows of the shorter dimension; else None."""
+    """Merge two dimensions of rows: the longer one if it starts with the rows of the shorter one, else None."""
     longer, shorter = sorted((before, requested), key=lambda axis: axis.size, reverse=True)
     if longer.values.keys() != shorter.values.keys():
         return None
@@ -67,7 +67,7 @@ def _rows(before: Axis, requested: Axis) -> Axis | None:
 
 
 def _values(before: Axis, requested: Axis) -> Axis:
-    """A dimension with the values of both; values that are stored keep their wording, which names their results."""
+    """Merge the values of two dimensions. Values that are stored keep their text, because it names their results."""
     old, new = before.values[before.dim], requested.values[requested.dim]
     stored_words = dict(zip(_keys(old), old, strict=True))
     # The request holds all stored values: it determines the order.
@@ -96,13 +96,13 @@ def _values(before: Axis, requested: Axis) -> Axis:
 
 
 def _is_monotonic(numbers: Sequence[float] | None) -> bool:
-    """Whether numbers rise strictly, or fall strictly."""
+    """Whether a sequence of numbers is strictly increasing or strictly decreasing."""
     steps = np.diff(numbers or [])
     return bool(np.all(steps > 0) or np.all(steps < 0))
 
 
 def _keys(words: Sequence[str]) -> list[Any]:
-    """Keys by which words are compared: their numbers, so that 1 equals 1.0, or else the words."""
+    """Keys for comparing values given as text: numbers, so that 1 equals 1.0, or else the text itself."""
     return [number[0] if (number := as_numbers([word])) else word for word in words]
 
 
@@ -152,7 +152,7 @@ def without_failed(stored: Mapping[str, Any], batch: Batch, done: Set[int], fail
 
 
 def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int | None] | None:
-    """Numbers that the jobs of a stored study get when it is extended by further values.
+    """Renumber the jobs of a stored study that is extended by further values: the new number of each old number.
 
     Parameters
     ----------
@@ -178,6 +178,6 @@ def moves(before: Mapping[str, Any], now: Mapping[str, Any]) -> dict[int, int | 
 
 
 def _parameters(study: Mapping[str, Any]) -> list[dict[str, str]]:
-    """All parameters of each job."""
+    """Values of all parameters of each job of a study, in the order of the jobs."""
     axes = make_axes(study.get("vary", {}), study.get("together"))
     return [{**study["provenance"]["parameters"], **values} for _, values in combinations(axes)]

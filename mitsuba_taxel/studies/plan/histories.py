@@ -93,6 +93,6 @@ def histories(
 
 
 def _negative(word: str) -> str:
-    """The word of a number with the opposite sign; 0 is unchanged."""
+    """Text of a number with the opposite sign; ``0`` is unchanged."""
     word = word.strip()
     return word[1:] if word.startswith("-") else word if as_numbers([word]) == [0.0] else f"-{word.removeprefix('+')}"

@@ -101,7 +101,7 @@ class ImageJob:
     Attributes
     ----------
     number, file, parameters, mesh_size, seed, plugins
-        As of a `Job`.
+        See `Job`.
     samples : int or None
         Number of samples per pixel and replicate; None for the default, or with a target error.
     target_error : float or None
@@ -153,7 +153,7 @@ class Failure:
 
 
 def describe(values: Mapping[str, str], roles: Mapping[str, Sequence[Any]] = MappingProxyType({})) -> str:
-    """Values of parameters as text, such as ``fz=-4, fx=1``, by which messages identify a scene.
+    """Text with the values of a scene's parameters, such as ``fz=-4, fx=1``; error messages identify scenes by it.
 
     Load histories and the mesh's reference scene are omitted, and `TO_CONTACT` too unless it is the only value.
 

@@ -69,7 +69,8 @@ def check_derivatives(batch: Batch) -> None:
 
 
 def _checked(axis: Axis) -> list[int]:
-    """Indices of the values of a dimension that are checked: all, or words and extreme numbers of a long one."""
+    """Indices of the values along a dimension that are tested: all values or, for a long dimension, words and the
+    extreme numbers."""
     if axis.size <= MOST_VALUES:
         return list(range(axis.size))
     indices: set[int] = set()
@@ -85,7 +86,7 @@ def _checked(axis: Axis) -> list[int]:
 
 
 def _spread(axes: Sequence[Axis]) -> Iterator[dict[str, str]]:
-    """At most `MOST_OTHERS` combinations of values by parameter, spread evenly over the dimensions."""
+    """Combinations of values by parameter, at most `MOST_OTHERS`, spread evenly over the dimensions."""
     shape = tuple(axis.size for axis in axes)
     count = math.prod(shape)
     for number in dict.fromkeys(np.linspace(0, count - 1, min(count, MOST_OTHERS)).round().astype(int).tolist()):

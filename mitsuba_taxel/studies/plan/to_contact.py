@@ -1,4 +1,4 @@
-"""Computation of the first contact of a pad in a study, requested by an additional parameter of its jobs."""
+"""Request for the first contact of a pad in a study: an additional parameter of its jobs states the load that grows."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def path_to_contact(word: str) -> tuple[str, float] | None:
 
 
 def as_number(word: str) -> float:
-    """The number that a word states; NaN if it is not a number."""
+    """Convert text to a number; NaN if it is not a number."""
     try:
         return float(word)
     except ValueError:

@@ -124,7 +124,8 @@ def make_axes(
 
 
 def _axis(name: str, values: str | Iterable[object], folder: Path, is_force: bool, is_load: bool) -> Axis:
-    """The dimension of one parameter; a load may have a range ``start:stop`` without a step."""
+    """Make the dimension of one parameter from its values; for a load, the values may be a range ``start:stop`` without
+    a step."""
     if not (isinstance(values, str) and is_load and values.count(":") == 1 and not values.startswith("@")):
         return Axis(name, {name: _distinct(name, parse_values(name, values, folder))}, False, is_force, is_load)
     start, _, stop = values.partition(":")
@@ -170,7 +171,7 @@ def _lines(name: str, file: Path) -> list[str]:
 
 
 def _distinct(name: str, words: list[str]) -> list[str]:
-    """The words unchanged; refused if two are equal, as numbers if all are numbers."""
+    """Check that values given as text are distinct, as numbers if all are numbers; they are returned unchanged."""
     if len(set(as_numbers(words) or words)) < len(words):
         raise InputError(f"{name} = {','.join(words)!r} holds a value twice: distinct values are needed.")
     return words

@@ -185,12 +185,14 @@ class _StepCurve:
 
     @cached_property
     def _origin(self) -> list[Any]:
-        """Scene content, code and versions, on which readings depend in addition to values."""
+        """Everything except the load on which the readings depend: scene content, code and versions. It is part of the
+        cache's key."""
         origin = provenance(self._batch)
         return [origin[name] for name in ("scene_content", "code", "versions")]
 
     def _computed(self, scene: Scene, values: Mapping[str, str]) -> dict[str, np.ndarray]:
-        """``power`` (T,) in W, and ``slopes`` (2, T) in W/N towards smaller and towards larger forces."""
+        """Compute the readings (T,) of T taxels in W, and their slopes (2, T) in W/N: towards smaller and towards
+        larger forces."""
         from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import COARSE, derivatives_by
         from mitsuba_taxel.sensing.derivatives.scene_rates import rates
         from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed

@@ -68,8 +68,8 @@ def curve_jobs(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]
 
 
 def _base_load(batch: Batch, fitted: Sequence[str], settings: Settings) -> dict[str, str] | None:
-    """The largest load of the curves. By random paths, scenes at other loads are read relative to the scene at this
-    load.
+    """Load of the base scene for random paths: the largest load of the curves. Scenes at other loads are read relative
+    to the base scene. None if no curve is fitted to the readings.
 
     None if no curve is fitted to the readings.
     """

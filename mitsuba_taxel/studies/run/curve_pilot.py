@@ -1,4 +1,4 @@
-"""Pilot runs of random paths along a curve: the noise of its slopes, and whether its loads resolve it.
+"""Pilot runs of random paths along a force: they estimate the noise of slopes, and whether the loads resolve the curve.
 
 The readings of a pilot share their random numbers, as those of a study do. The random numbers differ from those of the
 study.
@@ -137,5 +137,5 @@ def _relative(error: np.ndarray, slope: np.ndarray) -> float:
 
 
 def _power_of_two(factor: float) -> int:
-    """The least power of two, from 1 to `MOST_POINTS`, that is at least a factor."""
+    """Round a factor up to a power of two, from 1 to `MOST_POINTS`."""
     return 1 << math.ceil(math.log2(min(max(factor, 1.0), MOST_POINTS)))

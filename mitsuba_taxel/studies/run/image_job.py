@@ -44,7 +44,7 @@ def image_of(job: ImageJob) -> ImageResult:
 
 
 def _image_of(job: ImageJob) -> ImageResult:
-    """The image in the current variant."""
+    """Compute the image of a job's scene in the current variant of Mitsuba."""
     with stages.record() as seconds:
         live = Scene(job.file, job.parameters, job.mesh_size).load()
         with stages.stage("optics"):

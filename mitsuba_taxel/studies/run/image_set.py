@@ -134,7 +134,7 @@ def _refuse_large(study: Path, files: Sequence[str]) -> None:
 
 
 def _group(study: Path, part: pd.DataFrame) -> xr.Dataset:
-    """The columns of a table, and the arrays of its images (row, y, x, ...)."""
+    """Collect the columns of a table, and the arrays of its images over row, y and x, for a group of an HDF5 file."""
     images = [read_image(study / file)[0] for file in part.image]
     variables = {}
     for heading in part:

@@ -35,7 +35,7 @@ class ImageProgress(NamedTuple):
     done, failed, total : int
         Number of finished jobs, of failed jobs among these, and of all jobs.
     error : float
-        Largest relative error of a pixel so far, as of `CameraImage`.
+        Largest relative error of a pixel so far; see `CameraImage.relative_error`.
     """
 
     done: int

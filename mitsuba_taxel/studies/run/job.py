@@ -62,7 +62,8 @@ def failure_of(error: BaseException) -> Failure:
 
 @in_turn
 def _read(job: Job) -> JobResult:
-    """Readings of a job's scene, its derivatives or first contact, errors of its pads' roofs, and its files."""
+    """Compute a job: the readings of its scene with derivatives or first contact, errors of its pads' roofs, and its
+    files."""
     with stages.record() as seconds:
         # Scene and readings.
         parameters = {name: word for name, word in job.parameters.items() if name != TO_CONTACT}
@@ -169,12 +170,12 @@ def _contact(job: Job, scene: Scene, along: str, furthest: float) -> FirstContac
 
 
 def _name(pad: PadShape) -> str:
-    """File name of a pad's mesh, the same for pads with identical surfaces, which are stored once."""
+    """File name of a pad's mesh. Pads with identical surfaces have the same name, so that their mesh is stored once."""
     return f"{MESHES}/pad_{mesh_key(pad)[:16]}.ply"
 
 
 def _content(suffix: str, write: Callable[[Path], None]) -> bytes:
-    """Content of the file that ``write`` writes; the suffix determines its format."""
+    """Bytes of the file that the function ``write`` writes; the suffix determines its format."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"file{suffix}"
         write(file)

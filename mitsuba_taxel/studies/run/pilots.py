@@ -94,7 +94,7 @@ class _Pilot:
         self.points.append(points)
 
     def _costs(self, scene: Scene) -> tuple[float, float]:
-        """Seconds of a scene without tracing, and of tracing the first points."""
+        """Computing times of a scene in s: everything before light is traced, and tracing the first points."""
         start = time.perf_counter()
         run = Run(prepare(scene), self.batch.seed)
         without_tracing = time.perf_counter() - start
@@ -112,7 +112,7 @@ class _Pilot:
 
     @property
     def _curve_size(self) -> int:
-        """Number of scenes in a curve."""
+        """Number of scenes along the dimension that readings are plotted against."""
         curve = curve_dimension(self.batch.axes)
         return next(axis.size for axis in self.batch.axes if axis.dim == curve)
 

@@ -133,7 +133,8 @@ class _ProcessPool:
             yield job, outcome or Failure("the process that computed it died twice: fewer workers need less memory")
 
     def _spread(self, curves: Sequence[Curve], count: int) -> Iterator[tuple[Job, JobResult | Failure | None]]:
-        """Outcomes of jobs in ``count`` processes, as they arrive; None for a job whose process died.
+        """Distribute jobs to ``count`` processes, and yield their outcomes as they arrive; None for a job whose process
+        died.
 
         Each process works along a curve, then along the next unassigned curve. When none is unassigned, it takes jobs
         of the curve with most remaining jobs.
@@ -184,8 +185,7 @@ class _ProcessPool:
 
 
 def do(job: Job, threads: int) -> JobResult | Failure:
-    """Execute a job of a study in the current worker process, with ``threads`` threads for the finite elements; see
-    `run`.
+    """Execute a job of a study in the current worker process. The finite elements use ``threads`` threads; see `run`.
     """
     set_thread_count(threads)
     return run(job)

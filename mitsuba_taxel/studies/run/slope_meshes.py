@@ -84,7 +84,8 @@ def settings_for_slopes(batch: Batch, settings: Settings) -> Settings:
 
 
 def _for_paths(batch: Batch, force: str, fixed: Mapping[str, str], settings: Settings) -> Settings:
-    """Settings for one curve by random paths, along a force with the other varied parameters fixed."""
+    """Settings (points and mesh size) with which the slopes of one curve by random paths reach their target error.
+    ``fixed`` contains the values of the other varied parameters."""
     assert batch.target_slope is not None
     axis = next(axis for axis in batch.axes if axis.dim == force)
     loads, words = as_numbers(axis.values[force]) or [], axis.values[force]
@@ -165,7 +166,8 @@ def _finest(
 
 
 def _between(size: float, failed: float) -> float | None:
-    """The mesh size halfway, on the ladder of sizes, between a size that is too coarse and a size that fails.
+    """Mesh size between two sizes of the ladder, halfway between one that is too coarse and one that fails. None if
+    there is none in between.
 
     None if there is no size in between.
     """
@@ -174,7 +176,8 @@ def _between(size: float, failed: float) -> float | None:
 
 
 def slope_share(derivatives: Derivatives) -> float:
-    """Largest error of a derivative, relative to the largest derivative with respect to the same parameter."""
+    """Largest relative error of derivatives: the error of each derivative divided by the largest derivative with
+    respect to the same parameter."""
     steepest = np.abs(derivatives.values).max(axis=0)
     errors = derivatives.standard_errors.max(axis=0)
     return float((errors / np.where(steepest > 0, steepest, np.inf)).max(initial=0.0))

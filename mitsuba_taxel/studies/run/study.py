@@ -226,7 +226,7 @@ def _run(
     parquet: bool,
     progress: Callable[[Any], None] | None,
 ) -> xr.Dataset:
-    """The readings of a batch as of :func:`run_batch`, or the images if its scene has a camera."""
+    """Compute a batch: readings, as :func:`run_batch` returns them, or images if the scene has a camera."""
     first = {name: words[0] for axis in batch.axes for name, words in axis.values.items()}
     if not batch.scene(first).has_camera():
         if batch.difference:
@@ -313,7 +313,8 @@ def run_batch(
 
 
 def _dataset(batch: Batch, origin: Mapping[str, Any], computed: _BatchOutcome) -> xr.Dataset:
-    """The results, as :func:`sweep` returns them; raises the first failure if there are none."""
+    """Assemble the results of a batch to the dataset that :func:`sweep` returns; raises the first failure if there are
+    no results."""
     failures = computed.failures
     if not computed.results:
         index, failure = next(iter(failures.items()))
@@ -392,14 +393,14 @@ def _is_enough(readings: Readings, settings: Settings) -> bool:
 
 
 def _continued(job: Job, kept: StoredResult | None, settings: Settings) -> Job:
-    """The job, set to continue earlier readings of the same mesh with fewer points, if there are any."""
+    """Let a job continue earlier readings of the same mesh with fewer points, if there are any; returns the job."""
     if kept is None or job.maps or not settings.points or kept.readings.mesh_size != settings.mesh_size:
         return job
     return job if kept.readings.points < FIRST_POINTS else replace(job, continued=kept.readings)
 
 
 def _settings(batch: Batch, store: Store | None, machines: int) -> tuple[Settings, dict[str, float]]:
-    """Points and mesh size for all scenes, and the seconds of pilot runs by stage.
+    """Number of points and mesh size for all scenes, and the seconds of pilot runs by stage.
 
     They are as requested, those of an earlier run unless the target is stricter now, or determined by pilot runs.
     """

@@ -167,7 +167,7 @@ def training_set(
 
 
 def _described(table: pd.DataFrame, rows: _TrainingRows, study: xr.Dataset) -> dict[str, Column]:
-    """Name, unit and role, by heading, of each column that does not belong to a taxel."""
+    """Name, unit and role of each column of a training set that does not belong to a taxel, by heading."""
     headings = {_heading(name, rows.units): name for name in rows.parameters}
     roles = {**roles_of_study(study), **{name: name for name in FORCES}}
     return {
@@ -273,13 +273,13 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
 
 
 def _starts(per_scene: Sequence[_TrainingRows]) -> list[int]:
-    """Number of curves in the scenes before each scene."""
+    """Number of the first curve of each scene, if the curves of all scenes are numbered one after the other."""
     counts = [int(rows.path.max()) + 1 for rows in per_scene]
     return [sum(counts[:number]) for number in range(len(counts))]
 
 
 def _rows_of(study: xr.Dataset) -> _TrainingRows:
-    """The jobs of one scene, with the values of all parameters, varied and fixed."""
+    """Rows of one scene: its jobs, with the values of all parameters, varied and fixed."""
     power = study.power.transpose(..., "taxel")
     dims = power.dims[:-1]
     one_each = power.isel(taxel=0, drop=True)
@@ -302,7 +302,7 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
 
 
 def _as_numbers(column: pd.Series) -> pd.Series:
-    """The column as numbers, or unchanged if a value is not a number."""
+    """Convert a column of text to numbers; it is unchanged if a value is not a number."""
     try:
         return pd.to_numeric(column)
     except (ValueError, TypeError):
@@ -314,26 +314,26 @@ def _force_columns(parameters: pd.DataFrame) -> list[str]:
 
 
 def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndarray:
-    """Index into `PARTS` for each row of forces, (rows,); see `part_by_words`."""
+    """Part of the training set of each row, as an index (rows,) into `PARTS`, by its force; see `part_by_words`."""
     words = [" ".join(f"{component + 0.0:.9g}" for component in force) for force in forces.to_numpy(dtype=float)]
     return part_by_words(words, split, seed, "forces")
 
 
 def part_by_words(words: Sequence[str], split: Sequence[float], seed: int, name: str) -> np.ndarray:
-    """Index into `PARTS` for each row; rows with the same words belong to the same part.
+    """Assign rows to the parts of a training set; rows with the same text belong to the same part.
 
-    Words are ranked by a hash of seed and word, and the ranking is cut at the shares.
+    The texts are sorted by a hash of seed and text, and this order is cut at the given fractions.
 
     Parameters
     ----------
     words : Sequence[str]
-        What distinguishes the rows, such as their forces.
+        Text that distinguishes the rows, such as their forces.
     split : Sequence[float]
         Fractions of the parts.
     seed : int
         Seed of the hash.
     name : str
-        Plural of what the words describe, for messages.
+        Plural noun for the things that the texts describe, such as ``forces``; for error messages.
 
     Returns
     -------

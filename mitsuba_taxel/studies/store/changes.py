@@ -93,7 +93,8 @@ def changed_scene(now: str, before: str) -> str:
 
 
 def _values(element: ElementTree.Element, around: str = "") -> list[tuple[str, str]]:
-    """Values of an element and its children in the order of the text, each after a description of where it stands.
+    """Iterate over the values of an XML element and its children, in the order of the text. Each value comes with a
+    description of its position, such as ``wall of deformable_pad``.
 
     A description is, for instance, ``wall of deformable_pad``; ``around`` is the name of the enclosing element.
     """
@@ -108,7 +109,7 @@ def _values(element: ElementTree.Element, around: str = "") -> list[tuple[str, s
 
 
 def _on_one_line(match: re.Match[str]) -> str:
-    """A list of a TOML file that has a line for each value, on one line."""
+    """Write a list of a TOML file, which has one line for each value, on a single line."""
     return f"[{', '.join(line.strip().removesuffix(',') for line in match[1].splitlines())}]"
 
 

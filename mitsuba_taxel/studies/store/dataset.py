@@ -156,7 +156,8 @@ def _provenance(about: Mapping[str, Any]) -> dict[str, Any]:
 def _files(
     name: str, folder: str, about: str, dims: list[str], shape: tuple[int, ...], results: Mapping[Index, StoredResult]
 ) -> dict[str, tuple]:
-    """The variable ``name``, the files of each result in a subfolder, joined by blanks; no variable without files."""
+    """The variable ``name`` of a dataset: the names of the files of each result in a subfolder, joined by blanks;
+    omitted without files."""
     names = np.full(shape, "", dtype=object)
     for index, result in results.items():
         names[index] = " ".join(file for file in result.files if file.startswith(f"{folder}/"))
@@ -277,7 +278,7 @@ def _abscissa(axis: Axis) -> np.ndarray:
 def _deviation(
     results: Mapping[Index, StoredResult], power: np.ndarray, curve: int, abscissa: np.ndarray
 ) -> np.ndarray:
-    """Effect of the mechanics' error on each reading, (..., T) W; 0 for pads without load."""
+    """Change of each reading on coarser finite elements, (..., T) in W; 0 for pads without load."""
 
     def deviation_of(readings: Readings) -> np.ndarray | None:
         unloaded = readings.deviation is None and not readings.roof_errors
@@ -288,7 +289,8 @@ def _deviation(
 
 
 def _facets(results: Mapping[Index, StoredResult], power: np.ndarray, curve: int, abscissa: np.ndarray) -> np.ndarray:
-    """Effect of the facets of curved walls on each reading, (..., T) W; 0 where it was not estimated."""
+    """Change of each reading by inscribed triangles of curved walls (facets), (..., T) in W; 0 where it was not
+    estimated."""
     estimated = {index: result.readings.facets for index, result in results.items()}
     facets = _along_curves(estimated, power, curve, abscissa)
     return np.where(np.isfinite(power), np.nan_to_num(facets), math.nan)
@@ -331,7 +333,7 @@ def _along_curves(
 
 
 def _lines_along(array: np.ndarray, axis: int) -> Iterator[np.ndarray]:
-    """Views (n, T) of an array (..., T), each along ``axis`` at a fixed index of the remaining axes."""
+    """Views (n, T) into an array (..., T): one for each line along ``axis``, with all other indices fixed."""
     lines = np.moveaxis(array, axis, -2)
     for index in np.ndindex(lines.shape[:-2]):
         yield lines[index]
@@ -397,7 +399,7 @@ a scene, and computed at some scenes of a curve only."""
 
 
 def _collected(values: Mapping[Index, Any], shape: tuple[int, ...]) -> np.ndarray | None:
-    """Values of all scenes in one array, NaN or empty text for a scene without a value; None if no scene has one."""
+    """Array of one value for each scene; NaN or empty text for a scene without a value; None if no scene has one."""
     arrays = {index: np.asarray(value) for index, value in values.items() if value is not None}
     if not arrays:
         return None
@@ -411,7 +413,8 @@ def _collected(values: Mapping[Index, Any], shape: tuple[int, ...]) -> np.ndarra
 
 
 def _parameters(results: Mapping[Index, StoredResult]) -> dict[str, tuple]:
-    """Coordinates of the dimension ``parameter`` of derivatives: names and units; empty without derivatives."""
+    """Coordinates of the dimension ``parameter``, for derivatives: names and units of the parameters; empty without
+    derivatives."""
     for derivatives in _derivatives(results).values():
         return {
             "parameter": ("parameter", list(derivatives.parameters)),

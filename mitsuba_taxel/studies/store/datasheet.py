@@ -87,7 +87,7 @@ def rows_line(counts: Mapping[str, int]) -> str:
 
 
 def _source(studies: Mapping[str, xr.Dataset]) -> str:
-    """Scene, fixed parameters, seed and versions of each study, and the circuit."""
+    """Section of the datasheet: scene, fixed parameters, seed and versions of each study, and the circuit."""
     lines = [
         "Simulated with mitsuba_taxel: a silicone pad deformed by finite elements, and the light in its cells.",
         "",
@@ -113,7 +113,7 @@ def _source(studies: Mapping[str, xr.Dataset]) -> str:
 
 
 def _columns(rows: pd.DataFrame) -> str:
-    """Table of the columns, with their meanings and ranges."""
+    """Section of the datasheet: a table of the columns with their meanings and ranges."""
     lines = []
     for name, column in rows.items():
         unit, meaning = _meaning(str(name))
@@ -153,7 +153,7 @@ def _meaning(column: str) -> tuple[str, str]:
 
 
 def _noise(making: TrainingRecord) -> str:
-    """Description of the noise in power and voltages, and of the copies."""
+    """Section of the datasheet: the noise in power and voltages, and the noisy copies."""
     copies = "One noisy copy" if making.copies == 1 else f"{making.copies} noisy copies"
     of_light = (
         "Gaussian, added to each reading, independent of other readings and of the Monte Carlo error; its standard "
@@ -167,7 +167,7 @@ def _noise(making: TrainingRecord) -> str:
 
 
 def _parts(tables: Mapping[str, pd.DataFrame], making: TrainingRecord) -> str:
-    """The split of the rows, and their numbers."""
+    """Section of the datasheet: the split of the rows into parts, and their numbers."""
     counts = []
     for name, table in tables.items():
         forces = [column for column in ("fx_N", "fy_N", "fz_N") if column in table]
@@ -182,7 +182,7 @@ def _parts(tables: Mapping[str, pd.DataFrame], making: TrainingRecord) -> str:
 
 
 def _left_out(jobs: pd.DataFrame) -> str:
-    """List of the jobs without readings."""
+    """Section of the datasheet: a list of the jobs without readings."""
     if jobs.empty:
         return "None: every job of the study gave readings."
     varied = jobs[[name for name in jobs if name in ("fx", "fy", "fz", "scene") or jobs[name].nunique() > 1]]
@@ -193,7 +193,7 @@ def _left_out(jobs: pd.DataFrame) -> str:
 
 
 def _caveats(studies: Mapping[str, xr.Dataset]) -> str:
-    """Limits of the data."""
+    """Section of the datasheet: limits of the data."""
     notes = _distinct(note for study in studies.values() for note in study.attrs.get("notes", "").splitlines())
     caveats = [
         "Readings of one study share their random numbers: their Monte Carlo errors are correlated between rows and "

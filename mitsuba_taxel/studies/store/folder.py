@@ -169,7 +169,8 @@ class Store:
             return ""
 
     def _forget(self, content: Mapping[str, Any]) -> bool:
-        """Replace the stored study if it has no result, and return True; else change nothing, and return False."""
+        """Replace the stored study by ``content`` if it has no result yet, and return True. Otherwise change nothing,
+        and return False."""
         if self.done() or not (self.folder / self.results).is_dir():
             return False
         self.forget_failures()
@@ -331,7 +332,7 @@ class Store:
         return kept._replace(files=files)
 
     def file_of(self, number: int) -> Path:
-        """File of the result of a job."""
+        """Path of the file with the result of a job."""
         return self.folder / self.results / f"{number:06d}{self.suffix}"
 
     def _failed(self, number: int) -> Path:
@@ -339,7 +340,7 @@ class Store:
 
 
 def keepable(result: JobResult) -> StoredResult:
-    """A result of a job in the form that is stored: with the names of its files instead of their contents."""
+    """Convert the result of a job to the form that is stored: the names of its files replace their contents."""
     return StoredResult(result.readings, result.seconds, list(result.files))
 
 
@@ -349,7 +350,7 @@ _OPTIONAL = ("responsivity", "deviation", "dark_error", "facets")
 
 
 def _arrays(kept: StoredResult) -> dict[str, np.ndarray]:
-    """The arrays of a result's file; numbers, texts and lists are JSON in the array ``words``."""
+    """Arrays of the file in which a result is stored; numbers, texts and lists are JSON in the array ``words``."""
     readings = kept.readings
     words = {
         "points": readings.points,
@@ -384,7 +385,7 @@ def _of_contact(contact: FirstContact | None) -> dict[str, np.ndarray]:
 
 
 def _contact(arrays: Mapping[str, np.ndarray]) -> FirstContact | None:
-    """The first contact in a result's file, None if it has none; raises an error if it is damaged."""
+    """Restore the first contact from a result's file, None if it has none; raises an error if it is damaged."""
     fields = {name.removeprefix(CONTACT): array for name, array in arrays.items() if name.startswith(CONTACT)}
     if not fields:
         return None
@@ -393,7 +394,7 @@ def _contact(arrays: Mapping[str, np.ndarray]) -> FirstContact | None:
 
 
 def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives | None:
-    """The derivatives in a result's file, None if it has none; raises an error if they are damaged."""
+    """Restore the derivatives from a result's file, None if it has none; raises an error if they are damaged."""
     fields = {name.removeprefix(BY): array for name, array in arrays.items() if name.startswith(BY)}
     if not fields:
         return None
@@ -407,7 +408,7 @@ def _derivatives(arrays: Mapping[str, np.ndarray], taxels: int) -> Derivatives |
 
 
 def _kept(arrays: Mapping[str, np.ndarray]) -> StoredResult:
-    """The result of a job, from the arrays of its file; raises an error if they are damaged."""
+    """Restore the result of a job from the arrays of its file; raises an error if they are damaged."""
     words = json.loads(str(arrays["words"]))
     seconds, files = words.pop("seconds"), words.pop("files")
     errors = [None if error is None else RoofError(**error) for error in words.pop("roof_errors")]
@@ -444,7 +445,7 @@ def _require(condition: bool) -> None:
 
 
 def _is_seconds(seconds: object) -> bool:
-    """Whether the argument is a dictionary of times."""
+    """Whether a value read from a file is a dictionary of times in s."""
     return isinstance(seconds, dict) and all(isinstance(time, (int, float)) for time in seconds.values())
 
 
@@ -454,7 +455,7 @@ def _numbered(folder: Path, suffix: str) -> dict[int, Path]:
 
 
 def _failure(file: Path) -> Failure | None:
-    """The failure in a file; None if the file is damaged."""
+    """Read the failure of a job from its file; None if the file is damaged."""
     try:
         failure = Failure(**json.loads(file.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError, RecursionError):

@@ -1,4 +1,5 @@
-"""The folder of a study of images: one OpenEXR file for each scene, which is its result, and what follows from them."""
+"""Folder of a study of images: one OpenEXR file for each scene, and the tables and pictures that are derived from these
+files."""
 
 from __future__ import annotations
 
@@ -131,7 +132,7 @@ def open_images(folder: Path) -> xr.Dataset:
     Returns
     -------
     xr.Dataset
-        As of `image_table`.
+        Dataset as `image_table` returns it.
 
     Raises
     ------
@@ -168,9 +169,9 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
     -------
     xr.Dataset
         ``image``, the name of the OpenEXR file in the folder, blank if there is none; ``relative_error`` of a pixel,
-        as of `CameraImage`; ``samples`` of each pixel and replicate; ``coat_share``, the part of the image that shows
-        the coat; ``white``, its radiance that is white in a picture; ``seconds``; and numbers of the deformed pad,
-        such as ``reaction_fz`` in N. They have no stated errors. Attributes as of `sweep`.
+        see `CameraImage.relative_error`; ``samples`` of each pixel and replicate; ``coat_share``, the part of the image
+        that shows the coat; ``white``, its radiance that is white in a picture; ``seconds``; and numbers of the
+        deformed pad, such as ``reaction_fz`` in N. They have no stated errors. The attributes are those of `sweep`.
 
     Raises
     ------
@@ -235,7 +236,8 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
 
 
 def write_images(study: xr.Dataset, folder: Path) -> None:
-    """Write what follows from the images of a study: a PNG beside each, the table ``images.csv``, and a contact sheet.
+    """Write the files that are derived from the images of a study: a PNG beside each image, the table ``images.csv``,
+    and a contact sheet.
 
     All pictures have the same radiance as white, so that they can be compared.
 

@@ -75,7 +75,7 @@ def hdf5_image(groups: Mapping[str, xr.Dataset]) -> bytes:
 
 
 def read_netcdf(file: Path) -> xr.Dataset:
-    """A study that :func:`write_netcdf` wrote, with or without h5netcdf.
+    """Read a study that :func:`write_netcdf` wrote, with or without h5netcdf.
 
     Parameters
     ----------

@@ -64,8 +64,8 @@ def own_code() -> str:
 
 
 def _files_of(scene: Path, values: set[str]) -> list[Path]:
-    """All files of a scene: its own, those that it or a value of its parameters names, and those that scenes among
-    these name.
+    """All files on which a scene depends: its own file, files that it or a value of its parameters names, and files
+    that scenes among these name.
 
     Parameters
     ----------

@@ -66,7 +66,8 @@ def study_status(folder: str | Path) -> list[Status]:
 
 
 def _states(folder: Path, name: str) -> Iterator[Status]:
-    """Progress of the study in a folder, whose scene has this name, or of the scenes in its subfolders."""
+    """Progress of the study in a folder, whose scene is called ``name``; for a folder of several scenes, that of each.
+    """
     study = read_results(folder)
     scenes = study["scenes"]
 
@@ -91,7 +92,8 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
 
 
 def _finished(folder: Path, parameters: Mapping[int, Mapping[str, str]]) -> tuple[dict[int, float], list[float]]:
-    """Seconds of each finished job by number, and the relative errors of readings or of pixels of images."""
+    """Finished jobs of a study: the seconds of each by number, and the relative errors of readings, or of pixels of
+    images."""
     seconds, errors = {}, []
     if (folder / IMAGES).is_dir():
         from mitsuba_taxel.studies.store.image_folder import ImageStore  # readings need nothing of it
@@ -115,12 +117,12 @@ def _axes(scene: dict, forces: Collection[str] = FORCES, roles: Mapping[str, tup
 
 
 def _size(scene: dict) -> int:
-    """Number of jobs of a scene."""
+    """Number of jobs of one scene of a study."""
     return sum(1 for _ in combinations(_axes(scene)))
 
 
 def _is_running(folder: Path) -> bool:
-    """Whether a run has locked the folder."""
+    """Whether a running process has locked the folder of a study."""
     from filelock import FileLock, Timeout
 
     try:

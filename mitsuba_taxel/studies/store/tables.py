@@ -113,13 +113,14 @@ def check_parquet() -> None:
 
 
 def _head(study: xr.Dataset) -> list[str]:
-    """Comment lines, starting with #, with the provenance of the numbers."""
+    """Lines for the head of a CSV file, starting with #, with the provenance of the numbers."""
     lines = [f"# {name}: {study.attrs[name]}" for name in ("scene", "parameters", "seed", "points", "versions")]
     return lines + [f"# {note}" for note in study.attrs["notes"].splitlines()]
 
 
 def _readings(study: xr.Dataset) -> pandas.DataFrame:
-    """One row per scene and taxel: all results that belong in tables, voltages, and the files of pads."""
+    """Table of a study with one row for each scene and taxel: all results that belong in tables, voltages, and the
+    files of pads."""
     # Results with a value for each scene and taxel.
     listed = [result for result in RESULTS if result.in_table and result.name in study]
     by_parameter = {result.name for result in listed if PARAMETER in result.per}

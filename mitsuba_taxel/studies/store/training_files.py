@@ -228,13 +228,14 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
 
 
 def _elements(table: pd.DataFrame, headings: list[str]) -> list[Any]:
-    """Values of a feature for each frame: an array (elements,), or a number if there is one element."""
+    """Values of a LeRobot feature, one entry for each frame: an array (elements,), or a number if there is only one
+    element."""
     values = table[headings].to_numpy(np.float32)
     return list(values[:, 0] if len(headings) == 1 else values)
 
 
 def _tasks(table: pd.DataFrame, columns: Mapping[str, Column]) -> list[str]:
-    """Task of each frame: ``touch``, with the words among its parameters."""
+    """Text of the task of each frame: ``touch``, followed by the frame's parameters that are words."""
     words = [heading for heading in columns if table[heading].dtype.kind not in "fiub"]
     return [
         ", ".join(["touch", *(f"{columns[heading].name} = {row[heading]}" for heading in words)])
@@ -243,7 +244,7 @@ def _tasks(table: pd.DataFrame, columns: Mapping[str, Column]) -> list[str]:
 
 
 def _features(table: pd.DataFrame, columns: Mapping[str, Column]) -> dict[str, list[str]]:
-    """Headings of the columns of each feature, by its name."""
+    """Assign columns to LeRobot features: the headings of the columns of each feature, by its name."""
     taxels = _taxel_columns(table)
     features = {f"observation.{name}": taxels[name][0] for name in ("power", "voltage") if name in taxels}
     numbers = [heading for heading in columns if table[heading].dtype.kind in "fiub"]

@@ -34,7 +34,8 @@ class PolarCone:
 
     @property
     def blunt(self) -> float:
-        """Angle in radians round the axis within which a polynomial replaces the law, which is unbounded there."""
+        """Angle in radians around the axis within which a polynomial replaces the law, which is unbounded on the axis.
+        """
         return min(BLUNT, self.angle / 2)
 
     @property
@@ -58,7 +59,7 @@ class PolarCone:
 
     @property
     def _height(self) -> float:
-        """1 - cos(blunt)"""
+        """Value 1 - cos(blunt) of the cone around the axis in which a polynomial replaces the law."""
         return 2 * math.sin(self.blunt / 2) ** 2
 
     @cached_property
@@ -98,5 +99,5 @@ class PolarCone:
 
 
 def _arc_above_sine(angle: float) -> float:
-    """angle - sin(angle), also for small angles."""
+    """Difference angle - sin(angle), without loss of digits for small angles."""
     return angle**3 / 6 * (1 - angle**2 / 20 * (1 - angle**2 / 42 * (1 - angle**2 / 72)))

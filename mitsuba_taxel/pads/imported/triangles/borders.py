@@ -1,4 +1,4 @@
-"""Fit a mesh to the borders of regions on a smooth surface, which the mesher does not know."""
+"""Adaptation of a volume mesh to the borders between regions on a smooth surface, which the mesher does not know."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ def conforming(points: np.ndarray, tets: np.ndarray, patches: Patches, reach: fl
 def _moved_to_borders(
     points: np.ndarray, tets: np.ndarray, edges: np.ndarray, fraction: np.ndarray, crossing_points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The nodes, each moved to a point near it where a border crosses an edge, unless this squeezes an element; and a
-    mask (N,) of the moved nodes."""
+    """Move nodes to nearby points where a border crosses an edge of the mesh, unless this squeezes an element. Returns
+    the nodes, and a mask (N,) of those that were moved."""
     result, on_border = points.copy(), np.zeros(len(points), dtype=bool)
     before = volumes(points, tets)
     close = np.minimum(fraction, 1 - fraction)
@@ -85,7 +85,8 @@ def _moved_to_borders(
 
 
 def _cut(points: np.ndarray, tets: np.ndarray, edges: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mesh with ``new`` nodes (E, 3) on edges (E, 2); the tetrahedra along each of these edges are cut in two."""
+    """Cut the tetrahedra along edges (E, 2) in two, at the ``new`` nodes (E, 3) on these edges. Returns the resulting
+    mesh."""
     for number, (start, end) in enumerate(edges.tolist(), start=len(points)):
         along = np.any(tets == start, axis=1) & np.any(tets == end, axis=1)
         half = tets[along]

@@ -21,8 +21,8 @@ LOW = 25
 
 
 def radii(patches: Patches) -> np.ndarray:
-    """A low percentile (P,) of the smaller principal radius of curvature on each of P patches, in mm; infinite for
-    planes."""
+    """Radius of curvature (P,) of each of P patches in mm: a low percentile of the smaller principal radius; infinite
+    for planes."""
     triangles, patch = patches.triangles, patches.patch
     edges, pairs = neighbours(triangles)
     inside = patch[pairs[:, 0]] == patch[pairs[:, 1]]

@@ -70,7 +70,7 @@ class _Surface:
         self.fixed = self._kinks()
 
     def _kinks(self) -> np.ndarray:
-        """Mask (V,) of the vertices that are corners, or kinks of a border."""
+        """Mask (V,) of the vertices at corners of patches, or at kinks of a border."""
         fixed = np.zeros(len(self.points), dtype=bool)
         fixed[self.patches.corners] = True
         ends = np.concatenate([self.patches.curves, self.patches.curves[:, ::-1]])
@@ -298,7 +298,7 @@ class _Surface:
 
 
 def _least_around(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Least value (V,) of each vertex and its neighbours."""
+    """Smallest value (V,) among each vertex and its neighbours, from values (V,) at the vertices."""
     result = values.copy()
     np.minimum.at(result, edges[:, 0], values[edges[:, 1]])
     np.minimum.at(result, edges[:, 1], values[edges[:, 0]])
@@ -306,7 +306,7 @@ def _least_around(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _quality(corners: np.ndarray) -> np.ndarray:
-    """Area (...,) of triangles (..., 3, 3) relative to their sides, 1 if equilateral."""
+    """Shape quality (...,) of triangles (..., 3, 3): their area relative to their sides, 1 if equilateral."""
     a, b, c = (corners[..., k, :] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=-1)
     squares = ((b - a) ** 2 + (c - b) ** 2 + (a - c) ** 2).sum(axis=-1)
@@ -314,5 +314,5 @@ def _quality(corners: np.ndarray) -> np.ndarray:
 
 
 def _keys(edges: np.ndarray, count: int) -> np.ndarray:
-    """One number (E,) for each of ``edges`` (E, 2) between ``count`` vertices, in the order of the edges."""
+    """Unique integer key (E,) of each of ``edges`` (E, 2) between ``count`` vertices; keys sort like the edges."""
     return edges[:, 0].astype(np.int64) * count + edges[:, 1]

@@ -1,4 +1,5 @@
-"""Repair the triangles of a file to a closed surface of one body, oriented outwards, or report where this fails."""
+"""Repair of the triangles of a file to a closed surface of one body, oriented outwards; reports the position where this
+fails."""
 
 from __future__ import annotations
 
@@ -64,7 +65,7 @@ def repaired(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _welded(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """The triangles with coincident vertices merged."""
+    """Merge vertices that coincide within a tolerance in mm; returns the new vertices and triangles."""
     unique, number = np.unique(vertices, axis=0, return_inverse=True)
     tree = PointTree(unique)
     if tree.count_pairs(tolerance) > MOST_PAIRS:
@@ -77,7 +78,7 @@ def _welded(vertices: np.ndarray, triangles: np.ndarray, tolerance: float) -> tu
 
 
 def _distinct(triangles: np.ndarray) -> np.ndarray:
-    """The triangles with three distinct corners, without duplicates."""
+    """Remove triangles with coincident corners, and duplicate triangles."""
     a, b, c = triangles.T
     triangles = triangles[(a != b) & (b != c) & (c != a)]
     _, first = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True)
@@ -96,10 +97,11 @@ def _check_manifold(vertices: np.ndarray, triangles: np.ndarray) -> None:
 
 
 def _consistent(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """The triangles, oriented so that neighbours run along their common edge in opposite directions.
+    """Orient triangles consistently: neighbours run along their common edge in opposite directions.
 
     In a graph, each triangle is two nodes, one for each orientation; compatible nodes are connected. The surface is
-    orientable unless the two nodes of a triangle are connected."""
+    orientable unless the two nodes of a triangle are connected.
+    """
     edges, pairs = neighbours(triangles)
     count = len(triangles)
     same = _runs_along(triangles[pairs[:, 0]], edges) == _runs_along(triangles[pairs[:, 1]], edges)
@@ -125,7 +127,7 @@ def _runs_along(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
 
 
 def _filled(vertices: np.ndarray, triangles: np.ndarray, tiny: float) -> np.ndarray:
-    """The triangles, with holes filled that have three edges or fit into a box of ``tiny`` mm."""
+    """Fill holes of a surface that have three edges or fit into a box of ``tiny`` mm."""
     edges, _ = half_edges(triangles)
     _, number, count = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True)
     rim = edges[count[number.reshape(-1)] == 1]
@@ -180,8 +182,8 @@ def _check_crossings(vertices: np.ndarray, triangles: np.ndarray, tolerance: flo
 
 
 def _overlapping_boxes(corners: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (P,) and (P,) of the triangles of P pairs whose bounding boxes overlap; the first triangle of a pair is
-    in the ``block``."""
+    """Pairs of triangles whose bounding boxes overlap: the numbers (P,) of the first triangles, which are in the
+    ``block``, and (P,) of the second."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     first, second = overlapping(low[block], high[block], low, high)
     different = block[first] != second

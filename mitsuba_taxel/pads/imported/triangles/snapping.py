@@ -187,8 +187,8 @@ class Patches:
 
 
 def _replaced(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
-    """The points, of which those numbered in ``point`` (P,) are replaced by the nearest of their candidates ``closest``
-    (P, 3), if it is within reach."""
+    """Replace points by their nearest candidates. ``point`` (P,) is the number of the point to which each candidate
+    ``closest`` (P, 3) belongs; candidates beyond the ``reach`` are ignored."""
     best = _nearest(points, point, closest, reach)
     result = points.copy()
     result[point[best]] = closest[best]
@@ -196,7 +196,8 @@ def _replaced(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach:
 
 
 def _nearest(points: np.ndarray, point: np.ndarray, closest: np.ndarray, reach: float) -> np.ndarray:
-    """Rows of ``closest`` (P, 3) that hold, for each numbered point, the nearest candidate, if it is within reach."""
+    """Choose candidates for points: the rows of ``closest`` (P, 3) that are nearest to their point, numbered by
+    ``point`` (P,), and within the ``reach``."""
     distance = np.linalg.norm(closest - points[point], axis=1)
     best = first_of_each(point, distance)
     return best[distance[best] <= reach]
