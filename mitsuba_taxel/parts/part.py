@@ -26,7 +26,8 @@ _NUMBERS = {*_STAND_INS, "y", "window_x", "window_y", "die_depth", "exponent"}
 
 @dataclass(frozen=True)
 class Side(Checked):
-    """The die of an emitter or detector, and the window above it, seen from above.
+    """Die of an emitter or detector and the window above it, as seen from above; lengths are in mm. The origin is the
+    centre of the body.
 
     The origin is the centre of the body.
     """
@@ -97,7 +98,7 @@ class Side(Checked):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Datasheet:
-    """What a file states of a photo-reflector whose geometry may be unknown, so that no reading can be computed.
+    """Values that the file of a photo-reflector states. Its geometry may be unknown; then no reading can be computed.
 
     Attributes
     ----------
@@ -228,7 +229,8 @@ def read_part(part: str | Path) -> Part:
 
 
 def read_datasheet(part: str | Path) -> Datasheet:
-    """Read what is known of a part, by its name in the catalogue or from a TOML file.
+    """Read the known values of a part, by its name in the catalogue or from a TOML file. Parts of unknown geometry are
+    allowed.
 
     Parameters
     ----------
@@ -254,7 +256,7 @@ def read_datasheet(part: str | Path) -> Datasheet:
 
 
 def _datasheet(name: str, content: dict[str, Any]) -> Datasheet:
-    """The part that the content of a file describes; raises `InputError`."""
+    """Create the part that the content of a file describes; raises `InputError`."""
     # Entries: known ones, above the first table, with allowed values, and all that are required.
     for key in content:
         if key not in _KINDS:
@@ -296,7 +298,7 @@ def _check_sources(name: str, content: Mapping[str, Any]) -> None:
 
 
 def _side(name: str, role: str, table: Mapping[str, Any], body: tuple[float, float, float]) -> Side:
-    """The emitter or detector (``role``) of a part; raises `InputError`."""
+    """Create the emitter or detector (``role``) of a part from its table in the file; raises `InputError`."""
     allowed = [entry.name for entry in fields(Side)]
     for key in table:
         if key not in allowed:

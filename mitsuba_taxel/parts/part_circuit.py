@@ -74,6 +74,6 @@ def circuit_of_part(part: Part) -> Circuit:
 
 
 def standard_resistance(resistance: float) -> float:
-    """The largest resistance of the E12 series that does not exceed a resistance in Ohm."""
+    """Round a resistance in Ohm down to a value of the E12 series."""
     decade = 10.0 ** math.floor(math.log10(resistance))
     return max(value * decade for value in _E12 if value * decade <= resistance * (1 + 1e-9))

@@ -48,7 +48,7 @@ def _tabulated_angles(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def transmittance(index: float, cosine: np.ndarray) -> np.ndarray:
-    """Fresnel's transmittance for unpolarised light, by the cosine of the angle in air."""
+    """Fresnel's transmittance of the resin's surface for unpolarised light; ``cosine`` is that of the angle in air."""
     cosine_in_resin = np.sqrt(1 - (1 - cosine**2) / index**2)
     perpendicular = (cosine - index * cosine_in_resin) / (cosine + index * cosine_in_resin)
     parallel = (index * cosine - cosine_in_resin) / (index * cosine + cosine_in_resin)
@@ -56,7 +56,8 @@ def transmittance(index: float, cosine: np.ndarray) -> np.ndarray:
 
 
 def relative_radiance(emitter: Side, cosine: np.ndarray) -> np.ndarray:
-    """Radiance of an emitter's die in a direction in air, relative to that of a Lambertian die of the same power."""
+    """Radiance of an emitter's die relative to that of a Lambertian die of the same power. ``cosine`` is that of the
+    angle in air to the normal."""
     return 0.5 * (1 + (emitter.exponent or 1.0)) * emitter.relative_to_lambert(cosine)
 
 

@@ -281,7 +281,7 @@ def _draw_against(
 
 
 class _Group(NamedTuple):
-    """Lines that are compared in one panel, each an experiment of one channel."""
+    """Lines that are drawn in one panel: one channel of each of several experiments."""
 
     title: str
     lines: dict[str, Experiment]
@@ -318,12 +318,12 @@ def _groups(experiments: Sequence[Experiment]) -> list[_Group]:
 
 
 def _of(group: _Group) -> str:
-    """Suffix of an axis label, which names the channel that is drawn."""
+    """Suffix for an axis label: the name of the channel that is drawn."""
     return f", {group.channel}" if group.channel else ""
 
 
 def _finish(group: _Group, axes: Sequence[Axes]) -> None:
-    """Title and force axes of the panels of a group."""
+    """Add the title and the force axes to the panels of a group."""
     forces = np.concatenate([run.force for experiment in group.lines.values() for run in experiment.runs])
     for ax in axes:
         load_to_the_right(ax, forces)
@@ -404,7 +404,7 @@ def plot_tangential_maps(maps: Sequence[TangentialMap], narrow: bool = False) ->
 
 
 def _explain_lines(ax: Axes, words: Iterable[str]) -> None:
-    """Draw a legend of line styles, by their keys in `LINES`."""
+    """Add a legend that explains line styles, given by their keys in `LINES`."""
     from matplotlib.lines import Line2D
 
     lines = [Line2D([], [], color="black", linestyle=LINES[word], label=word) for word in words]
@@ -412,7 +412,7 @@ def _explain_lines(ax: Axes, words: Iterable[str]) -> None:
 
 
 def _arrow(ax: Axes, load_map: TangentialMap) -> None:
-    """Draw the direction of the load beside the map; rows count downwards, y upwards."""
+    """Draw an arrow beside a map, in the direction of the load; rows count downwards, y upwards."""
     push = load_map.direction * np.sign(load_map.force) * (1, -1)
     middle = np.array([load_map.shape[1], load_map.shape[0] / 2 - 0.5])
     ax.annotate("", middle + 0.4 * push, middle - 0.4 * push, arrowprops={"arrowstyle": "-|>", "linewidth": 2})
@@ -421,7 +421,8 @@ def _arrow(ax: Axes, load_map: TangentialMap) -> None:
 
 
 def _first_cycle(branches: Sequence[Branch]) -> dict[str, Branch]:
-    """The first branch of growing force, and the next falling and growing ones if any, by the key of `LINES`."""
+    """Branches of the first load cycle, by the key of `LINES`: the first branch of growing force, and the next falling
+    and growing branches, if any."""
     start = next(number for number, branch in enumerate(branches) if branch.loading)
     after = [branch for branch in branches[start + 1 :] if branch.side == branches[start].side]
     cycle = {"force grows": branches[start]}
@@ -456,7 +457,8 @@ def _draw(
 
 
 def _latex(table: pandas.DataFrame, pairs: pandas.DataFrame) -> str:
-    """Tables of slopes and deviations for every unit of readings, and of pairs, as LaTeX; empty tables are left out."""
+    """LaTeX tables of slopes and deviations for each unit of the readings, and of symmetric pairs; empty tables are
+    left out."""
     tables = [
         table_rows(readings, figures, latex=True)
         for figures in (SLOPES, DEVIATIONS)

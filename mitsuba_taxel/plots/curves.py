@@ -220,7 +220,8 @@ def _plot_taxels(study: xr.Dataset, curve: Curve, narrow: bool) -> Figure:
 
 
 def _shown_taxels(curves: list[Curve]) -> np.ndarray:
-    """Indices of the taxels to draw, ascending: all, or of more than `MOST_TAXELS` those that change most."""
+    """Ascending indices of the taxels that are drawn: all taxels or, if there are more than `MOST_TAXELS`, those that
+    change most."""
     means = [np.ma.masked_invalid(curve.samples.mean(axis=1)) for curve in curves]
     change = np.max([np.ma.ptp(mean, axis=0).filled(0.0) for mean in means], axis=0)
     if len(change) <= MOST_TAXELS:
@@ -259,7 +260,7 @@ def _plot_compared(study: xr.Dataset, curves: list[Curve], narrow: bool) -> Figu
 
 
 def _key(curve: Curve) -> tuple[tuple[str, Any], ...]:
-    """The values of a curve's other parameters, which identify it."""
+    """Values of a curve's other parameters, as a key that identifies the curve."""
     return tuple(curve.where.items())
 
 
@@ -333,7 +334,7 @@ def _quantity(study: xr.Dataset) -> str:
 
 
 def _label(panels: Any, study: xr.Dataset, words: str) -> None:
-    """Label the y axes of readings; voltages have the counts of the converter at their right."""
+    """Label the y axes of panels with readings; for voltages, the counts of the converter are on the right."""
     label_with_prefix(panels, words, _unit(study))
     circuit = circuit_of_study(study)
     if circuit is None or _unit(study) != "V":
@@ -382,7 +383,8 @@ def _finish(axes: Any, study: xr.Dataset, left_out: int = 0) -> None:
 
 
 def _draw_lines(ax: Axes, curve: Curve, labels: list[Any], first: int = 0) -> None:
-    """Readings of each line with error bars of the light, joined by lines or cubic curves, and bands."""
+    """Draw the readings of each line, with error bars of the light and bands of the total error, joined by lines or
+    cubic curves."""
     replicates = curve.samples.shape[1]
     values = curve.samples.mean(axis=1)
     errors = curve.samples.std(axis=1, ddof=1) / math.sqrt(replicates) if replicates > 1 else 0 * values
@@ -407,7 +409,7 @@ def _draw_lines(ax: Axes, curve: Curve, labels: list[Any], first: int = 0) -> No
 
 
 def _draw_cubic(ax: Axes, x: np.ndarray, value: np.ndarray, slope: np.ndarray, look: Mapping[str, str]) -> None:
-    """The cubic curve through values and slopes."""
+    """Draw the cubic curve through values and slopes at positions x."""
     from scipy.interpolate import CubicHermiteSpline
 
     finite = np.flatnonzero(np.isfinite(value) & np.isfinite(slope))

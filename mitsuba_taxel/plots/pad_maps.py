@@ -110,7 +110,7 @@ def _squares(ax: Any, places: np.ndarray, values: np.ndarray, limits: tuple[floa
 
 
 def _values_at(scene: xr.Dataset) -> list[str]:
-    """Names and values of the varied parameters of one scene."""
+    """Text with the names and values of the varied parameters of one scene."""
     return [
         f"{name} = {as_label(coordinate.item())} {coordinate.attrs.get('units', '')}".strip()
         for name, coordinate in scene.coords.items()

@@ -55,7 +55,7 @@ def _draw_from_above(ax: Axes, part: Part) -> None:
 
 
 def _outline(side: Side) -> np.ndarray:
-    """Corners (N, 2) of a window."""
+    """Corners (N, 2) of the outline of a window in mm, x and y."""
     if side.window_shape == "rectangle":
         corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * (side.window_width, side.window_length)
     else:

@@ -71,7 +71,7 @@ def plot_residuals(
 
 
 def _abscissa(residuals: pandas.DataFrame) -> tuple[str, np.ndarray]:
-    """The setting with most distinct values, or the row number, and its values."""
+    """Horizontal axis of a plot of a fit: the setting with most distinct values, or the row number, and its values."""
     settings = [name for name in residuals.columns if name not in NOT_SETTINGS]
     name = max(settings, key=lambda setting: residuals[setting].nunique(), default="")
     try:

@@ -347,7 +347,7 @@ class DeformablePad(Specification, Kinded):
         return PadFile(find(self.filename), rules, **self._own(PadFile))
 
     def build_material(self) -> Material:
-        """The material of the pad."""
+        """Create the material law of the pad."""
         ratio = {} if self.poisson_ratio is None else {"poisson_ratio": self.poisson_ratio}
         if self.material in SILICONES:
             return silicone(self.material).changed(**ratio)
@@ -383,11 +383,11 @@ class DeformablePad(Specification, Kinded):
 
     @property
     def _measured(self) -> MeasuredMaterial | None:
-        """The material's file; None without one."""
+        """Content of the material's file; None if the material is not from a file."""
         return read_material(self.material) if self.material.endswith(SUFFIX) else None
 
     def build_load(self, find: Any = Path) -> tuple[Load, tuple[float, ...]]:
-        """The load and its value; ``find`` converts the name of a file into its path."""
+        """Create the load and its value; ``find`` converts the name of a file into its path."""
         return Load.named(self.load).of_scene(self, find, self_contact=self.self_contact), self.load_value
 
     @property
@@ -430,7 +430,7 @@ class DeformablePad(Specification, Kinded):
         return Indenter(at=position, **arguments)
 
     def build_finish(self) -> Finish | SeparateFinish | None:
-        """The finish of the cells; None if both walls are smooth."""
+        """Create the finish of the cells' walls; None if both walls are smooth."""
         roof, side = (wall or self.finish for wall in (self.roof_finish, self.side_finish))
         kinds = {word: FINISHES[word](**self._own(FINISHES[word])) for word in {roof, side} - {"smooth"}}
         if roof == side:
@@ -449,7 +449,8 @@ class DeformablePad(Specification, Kinded):
         return tuple(sorted({int(word) for word in words}))
 
     def _own(self, cls: type) -> dict[str, Any]:
-        """Arguments for a class (pad, indenter, finish): the values of its parameters that are not None."""
+        """Arguments with which a pad, an indenter or a finish is constructed: the values of its parameters that are not
+        None."""
         values = {field: getattr(self, parameter.name) for field, parameter in parameters_of(cls).items()}
         return {field: value for field, value in values.items() if value is not None}
 

@@ -71,7 +71,7 @@ class Package(NamedTuple):
 
 
 def _bare(x: float, width: float, length: float) -> Side:
-    """A die in the top of a body, at y = 0, without a separate window."""
+    """Die in the top of a body, centred at y = 0, without a separate window."""
     return Side(x=x, window_width=width, window_length=length, die_width=width, die_length=length)
 
 
@@ -94,7 +94,7 @@ def _package_of(name: str, led_shift: Shift | None, phototransistor_shift: Shift
 
 
 def _shifted(name: str, side: Side, shift: Shift | None, body: tuple[float, float, float]) -> Side:
-    """A die shifted by the parameter ``name``; raises `InputError` if it leaves the body."""
+    """Copy of a die with its window, shifted by the parameter ``name``; raises `InputError` if it leaves the body."""
     if shift is None:
         return side
     try:

@@ -118,7 +118,7 @@ def plugin_page(name: str, convert: Callable[[str], str] = plain) -> PluginPage:
 
 
 def _tab(tabs: str, language: str) -> str:
-    """The code in the tab of a language; empty without such a tab."""
+    """Code example in the tab of a language; empty if there is no such tab."""
     pattern = rf"\.\. code-tab:: {language}\n(.*?)(?:^ *\.\. code-tab::|\Z)"
     match = re.search(pattern, tabs, flags=re.MULTILINE | re.DOTALL)
     return textwrap.dedent(match[1]).strip() if match else ""

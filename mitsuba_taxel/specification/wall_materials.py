@@ -115,7 +115,8 @@ class WallMaterial:
 
 
 def _polished(source: str, rows: Sequence[tuple[float, float, float]]) -> Measured:
-    """Reflectance at normal incidence from rows of wavelength in nm, refractive index and extinction coefficient."""
+    """Reflectance of a polished surface at normal incidence, from rows of wavelength in nm, refractive index and
+    extinction coefficient."""
     reflectances = tuple((nm, ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)) for nm, n, k in rows)
     return Measured(f"{source}; reflectance at normal incidence by Fresnel's formula", reflectances)
 

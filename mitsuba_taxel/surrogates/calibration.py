@@ -1,4 +1,5 @@
-"""Forces, depth or place as a polynomial of readings with prediction intervals, cross-validated on whole paths.
+"""Calibration: forces, depth or contact position as a polynomial of the readings, with prediction intervals. It is
+cross-validated on whole load paths.
 
 Intervals follow from errors on paths that were left out of a fit, with the same weight for each path
 (:mod:`mitsuba_taxel.surrogates.path_intervals`). An error that all rows of a path share, such as the error of a stiffer
@@ -222,7 +223,8 @@ def _fit(rows: Rows) -> Pipeline:
 
 
 def _terms(degree: int, *fit: BaseEstimator) -> Pipeline:
-    """A pipeline that scales readings to -1 ... 1, forms their products up to a degree, and fits if a fit is given."""
+    """Create a pipeline of scikit-learn: it scales readings to -1 ... 1 and forms their products up to a degree. With
+    ``fit``, the regression follows."""
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import MinMaxScaler, PolynomialFeatures
 
@@ -230,7 +232,8 @@ def _terms(degree: int, *fit: BaseEstimator) -> Pipeline:
 
 
 def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarray, tested: str) -> Polynomial:
-    """The polynomial from readings to quantities; ``size`` is the range by which quantities are divided in the fit."""
+    """Convert a fitted pipeline to a polynomial from readings to quantities. ``size`` is the range by which quantities
+    are divided in the fit."""
     scaler, features, ridge = (step for _, step in fitted.steps)
     inputs = len(scaler.data_min_)
     labels = tuple(f"reading_{number}" for number in range(1, inputs + 1))

@@ -138,7 +138,7 @@ def simulated_rows(study: xr.Dataset, over: Sequence[str] | None, noise: float, 
 
 
 def _varied(stacked: xr.DataArray, roles: dict[str, str], kind: str) -> dict[str, np.ndarray]:
-    """Values (rows,) of the varied parameters of a kind, by name."""
+    """Values (rows,) of the varied parameters of a kind (force, depth or position), by name."""
     wanted = OVER[kind][0]
     named = {role: name for name, role in roles.items()}
     names = [role if role in FORCES else named.get(role, "") for role in wanted]

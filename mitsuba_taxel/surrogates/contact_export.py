@@ -1,4 +1,5 @@
-"""Models of contact with second-order terms, from as many full solutions as their error needs, as files."""
+"""Contact models with second-order terms, written to files. Balls and rods are solved in full until the error of the
+model reaches a target."""
 
 from __future__ import annotations
 
@@ -55,11 +56,13 @@ def export_contact(
     most: int = MOST,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ContactModel, list[str]]:
-    """Write a model of contact of a scene's pad, for bodies of any shape, with its error on bodies left out.
+    """Write a contact model of a scene's pad, for bodies of any shape, with its error on bodies that were left out of
+    its fit.
 
-    The linear model is that of :func:`contact_model`. Balls and rods at places and depths within its range are solved
-    in full, until second-order terms learnt from them predict the readings of those left out to ``error``. Solved
-    states are kept in a file beside the model, so that a run that is repeated goes on where it was interrupted.
+    The linear model is that of :func:`contact_model`. Second-order terms are fitted to full solutions (finite elements
+    and light) of balls and rods at positions and depths within its range. More bodies are solved until the readings of
+    left-out bodies are predicted to ``error``. Solved states are stored in a file beside the model, so that the same
+    call resumes an interrupted run.
 
     Parameters
     ----------
@@ -83,7 +86,7 @@ def export_contact(
     model : ContactModel
         Contents of the file.
     notes : list[str]
-        What the errors are, and what they leave out.
+        Sentences on the errors of the model, and on the sources of error that they do not contain.
 
     Raises
     ------
@@ -127,7 +130,8 @@ def export_contact(
 
 
 def _solver(scene: Scene) -> Callable[[Touch], SolvedTouch]:
-    """Function that solves a touch in full; it loads the scene when it is first called."""
+    """Create a function that solves a body in full, by finite elements and light; it loads the scene when it is first
+    called."""
     from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 
     loaded = list[DiffuseCells]()
@@ -141,7 +145,7 @@ def _solver(scene: Scene) -> Callable[[Touch], SolvedTouch]:
 
 
 def contact_notes(model: ContactModel, error: float, failed: list[str]) -> list[str]:
-    """Sentences about the errors of a model.
+    """Sentences on the errors of a contact model.
 
     Parameters
     ----------
@@ -178,7 +182,7 @@ def contact_notes(model: ContactModel, error: float, failed: list[str]) -> list[
 
 
 def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, Any] | None = None) -> None:
-    """Write a model of contact as an ``.npz`` file of `numpy`, with units and errors as JSON in its array ``about``.
+    """Write a contact model as an ``.npz`` file of `numpy`, with units and errors as JSON in its array ``about``.
 
     Parameters
     ----------
@@ -216,7 +220,7 @@ def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, 
 
 
 def read_contact_model(file: str | Path) -> ContactModel:
-    """Read a model of contact from its file.
+    """Read a contact model from its file.
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""The model of contact of a scene's pad, from its finite elements and its light at rest."""
+"""Creation of a contact model from a scene: from the compliance of its pad and the derivatives of its readings, both at
+rest."""
 
 from __future__ import annotations
 
@@ -31,17 +32,18 @@ def contact_model(
     mesh_size: float | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ContactModel:
-    """Make a model of the readings of a pad under bodies of any shape that press on its top.
+    """Create a linear contact model: the readings of a pad under bodies of any shape that press on its top.
 
-    It is linear in the contact forces. The compliance of the patches takes one back-solve each; the readings change by
-    the derivatives of the light with respect to the walls.
+    Readings are linear in the contact forces. The top is divided into patches. One back-solve with the factored
+    stiffness matrix gives the displacements by a force on one patch, and from these and the derivatives of the light
+    with respect to the walls, the changes of the readings.
 
     Parameters
     ----------
     scene : Scene
         A scene with one elastic pad at rest, whose top is a plane, and diffuse cells.
     depth : float
-        Largest depth of the range of the model in mm.
+        Largest depth of a body, in mm, for which the model is used.
     spacing : float, optional
         Approximate side of the patches in mm; by default a fifteenth of the longer side of the top. At most a third of
         the radius of the smallest contact is needed.
@@ -112,14 +114,14 @@ def contact_model(
 
 
 def _inner_places(grid: TopGrid) -> np.ndarray:
-    """Range (2, 2) of x and y of all patches but those beside the rim."""
+    """Range (2, 2) of the centres of all patches that are not at the rim: lowest and highest x and y in mm."""
     half = np.array(grid.size)
     low, high = np.array([grid.x[0], grid.y[-1]]) + 0.5 * half, np.array([grid.x[-1], grid.y[0]]) - 0.5 * half
     return np.array([low, high])
 
 
 def _refuse_other_pads(pad: PadShape) -> None:
-    """Raise `InputError` for a pad whose contact the model does not describe."""
+    """Raise `InputError` for a pad whose contact cannot be modelled in this way."""
     if pad.is_loaded:
         raise InputError("a model of contact starts from the pad at rest: set the load of the scene to 0.")
     for name in ("prony", "mullins"):

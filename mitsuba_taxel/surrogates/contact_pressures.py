@@ -1,8 +1,9 @@
-"""Forces between a rigid body and a linear elastic top, for many touches at once, without friction.
+"""Contact forces between rigid bodies and a linear elastic top, without friction, for many bodies at once.
 
-The forces f >= 0 on the patches displace the top by C f, which is at least the depth d of the body there, and equal to
-it where f > 0: a linear complementarity problem. It is solved by block principal pivoting, which terminates for
-positive definite C (J. J. Judice and F. M. Pires, Computers Oper. Res. 21, 1994), here for batches.
+The top is divided into patches with the compliance matrix C. Forces f on the patches displace them by C f. A body at
+the depth d requires f >= 0 and C f >= d, with C f = d where f > 0: a linear complementarity problem. It is solved by
+block principal pivoting, which terminates for positive definite C (J. J. Judice and F. M. Pires, Computers Oper. Res.
+21, 1994), here for batches.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ MOST_ENTRIES = 2_000_000
 
 
 def contact_forces(compliance: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Contact forces on patches under bodies of given depths.
+    """Contact forces on the patches of a pad's top under several bodies, from the depth of each body at each patch.
 
     Only patches with a depth above 0 can be in contact.
 
@@ -56,8 +57,8 @@ def contact_forces(compliance: np.ndarray, depth: np.ndarray) -> np.ndarray:
 
 
 def _pivoted(matrices: np.ndarray, depth: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """Solve B problems of k patches: matrices (B, k, k), depths (B, k), and which patches exist (B, k). Rows that are
-    not solved are NaN."""
+    """Solve B complementarity problems for k patches each: from matrices (B, k, k) and depths (B, k). ``within`` (B, k)
+    marks the patches that exist."""
     solution = np.full(depth.shape, np.nan)
     left, active = np.arange(len(depth)), within.copy()
     fewest, patience = np.full(len(depth), depth.shape[1] + 1), np.full(len(depth), PATIENCE)

@@ -1,7 +1,9 @@
-"""Readings of a pad from the depth to which bodies of any shape reach into its top: many pads in one call.
+"""Contact model: readings of a pad from depth maps of bodies of any shape that press on its top, for many pads in one
+call.
 
-The top is divided into patches. Their compliance gives the contact forces (`contact_pressures`), and the readings
-change by the gradient along these forces. Both are those of the pad at rest, to first order.
+The top is divided into patches. The compliance matrix of the patches gives the contact forces (`contact_pressures`).
+The change of each reading is the product of these forces with the gradient of the reading. Matrix and gradients are
+those of the pad at rest.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ light: its forces are wrong by a fifth and more, but small."""
 
 
 class ContactReadings(NamedTuple):
-    """Results for B touches of a pad with T taxels.
+    """Results of a contact model for B depth maps and T taxels.
 
     Attributes
     ----------
@@ -41,9 +43,9 @@ class ContactReadings(NamedTuple):
     pressure : (B, R, C) ndarray
         Mean contact pressure of each patch in MPa.
     status : (B,) ndarray of int
-        0 within the range of the model; otherwise the sum of `NOT_A_NUMBER` 1, `TOO_DEEP` 2, `TOO_FAR` 4,
-        `NOT_RESOLVED` 8 and `NOT_SOLVED` 16. With 1 or 16, the other results are NaN; else they are extrapolated, or
-        inaccurate.
+        0 if the contact is within the range of the model; otherwise the sum of the codes that apply: `NOT_A_NUMBER` 1,
+        `TOO_DEEP` 2, `TOO_FAR` 4, `NOT_RESOLVED` 8 and `NOT_SOLVED` 16. With 1 or 16, the other results are NaN; else
+        they are extrapolated, or inaccurate.
     """
 
     power: np.ndarray
@@ -56,19 +58,22 @@ class ContactReadings(NamedTuple):
 
     @property
     def inside(self) -> np.ndarray:
-        """Whether each touch (B,) is within the range of the model."""
+        """Mask (B,) of the contacts that are within the range of the model."""
         return self.status == 0
 
 
 class SecondOrder(NamedTuple):
-    """Second-order terms, relative to the linear change of each reading and to the linear force; see `second_order`.
+    """Coefficients of the second-order terms of a contact model, for T readings and for the force; `second_order` has
+    the formulas.
 
     Attributes
     ----------
     reading : (T, 2) ndarray
-        Coefficients of the relative change of the reading, and of the greatest depth over the height of the pad.
+        Coefficients of two factors of the linear change of each reading: the relative change of the reading, and the
+        largest depth divided by the height of the pad.
     force : (2,) ndarray
-        Coefficients of the greatest depth, and of the square root of the area of contact, over the height of the pad.
+        Coefficients of two factors of the linear force: the largest depth, and the square root of the contact area,
+        both divided by the height of the pad.
     """
 
     reading: np.ndarray
@@ -76,7 +81,7 @@ class SecondOrder(NamedTuple):
 
 
 class LearntErrors(NamedTuple):
-    """Errors of a model on full solutions of bodies that were left out of its fit.
+    """Errors of a contact model, found on full solutions of bodies that were left out of its fit.
 
     Attributes
     ----------
@@ -105,7 +110,8 @@ class LearntErrors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ContactModel(Displayed):
-    """Readings of a pad under bodies that press on its top, without friction, from maps of their depths.
+    """Contact model of a pad: readings under bodies that press on its top, without friction, from depth maps of the
+    bodies.
 
     Attributes
     ----------
@@ -120,15 +126,15 @@ class ContactModel(Displayed):
     covered : (R, C) ndarray of bool
         Patches that lie on the top: M in all.
     compliance : (M, M) ndarray
-        Mean normal displacement of each patch in mm, per N on each.
+        Mean normal displacement in mm of each patch (rows) per N on each patch (columns).
     rest : (T,) ndarray
         Readings at rest in W.
     gradient : (T, M) ndarray
         Change of the readings in W per N on each patch.
     largest_depth : float
-        Largest depth of the range of the model in mm.
+        Largest depth, in mm, for which the model is used.
     places : (2, 2) ndarray
-        Range of the centre of pressure in mm: its lowest, then its highest x and y.
+        Range of the centre of pressure for which the model is used, in mm: lowest x and y, then highest x and y.
     second : NamedTuple or None
         Second-order terms, a `SecondOrder`; None for a linear model.
     errors : NamedTuple or None
@@ -150,7 +156,8 @@ class ContactModel(Displayed):
 
     @property
     def points(self) -> np.ndarray:
-        """Points (rows, columns, 3) of a depth map in mm, in the frame of the pad: the centres of the patches."""
+        """Points (rows, columns, 3) in mm, in the frame of the pad, at which a depth map states depths: the centres of
+        the patches."""
         x, y = np.meshgrid(self.x, self.y)
         return np.stack([x, y, np.full_like(x, self.height)], axis=-1)
 
@@ -160,8 +167,8 @@ class ContactModel(Displayed):
         Parameters
         ----------
         depth : (B, rows, columns) or (rows, columns) ndarray
-            How far bodies reach below the undeformed top at each of `points`, in mm, as if the pad were not there: B
-            maps, of one pad each. It may be 0 or negative where there is no body.
+            Depth of the body's surface below the undeformed top at each of `points`, in mm, in B maps, one for each
+            pad. It is 0 or negative where there is no body.
 
         Returns
         -------
@@ -219,7 +226,7 @@ class ContactModel(Displayed):
         )
 
     def _checked(self, depth: np.ndarray) -> np.ndarray:
-        """The maps as an array (B, rows, columns); raises `InputError`."""
+        """Convert depth maps to an array (B, rows, columns); raises `InputError` if that is not possible."""
         try:
             maps = np.asarray(depth, dtype=float)
         except (TypeError, ValueError):
@@ -234,8 +241,8 @@ class ContactModel(Displayed):
         return maps
 
     def _means(self, depth: np.ndarray) -> np.ndarray:
-        """Mean depths of the patches from those at their centres: with the second differences, which are 24 times the
-        difference, where both neighbours lie below the body."""
+        """Mean depth over each patch, from the depths at the centres of the patches. A 24th of the second differences
+        along x and y is added where both neighbours lie below the body."""
         means = depth.copy()
         for axis in (1, 2):
             if depth.shape[axis] < 3:

@@ -1,4 +1,5 @@
-"""Full solutions of balls and rods on a pad, from which a model of contact learns what is not linear."""
+"""Full solutions of balls and rods on a pad, by finite elements and light, to which the second-order terms of a contact
+model are fitted."""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ RODS = 0.35
 
 @dataclass(frozen=True)
 class Touch:
-    """A ball or a rod that presses on the pad without friction.
+    """A ball or rod at a position on the pad, pressed in without friction.
 
     Attributes
     ----------
@@ -45,7 +46,7 @@ class Touch:
     radius : float
         Radius in mm.
     x, y : float
-        Place of its lowest point in mm.
+        Position of its lowest point in mm.
     angle : float
         Angle of a rod to the x axis in degrees.
     depth : float
@@ -61,11 +62,12 @@ class Touch:
 
     @property
     def depths(self) -> tuple[float, float]:
-        """Depths of its two states in mm."""
+        """Depths in mm of the two states that are solved for this body."""
         return HALFWAY * self.depth, self.depth
 
     def below(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Depth map (...) in mm at points (..., 3) of the top; points beside the body have -inf radius below it."""
+        """Depth (...) in mm of the body's surface below the undeformed top, at points (..., 3) of the top. Beside the
+        body it is the depth minus the radius."""
         x, y = points[..., 0] - self.x, points[..., 1] - self.y
         turn = np.radians(self.angle)
         across = y * np.cos(turn) - x * np.sin(turn) if self.kind == "cylinder" else np.hypot(x, y)
@@ -73,7 +75,7 @@ class Touch:
         return np.where(np.abs(across) < self.radius, depth - sagitta, depth - self.radius)
 
     def indenter(self) -> Indenter:
-        """The body for the finite elements."""
+        """The body as an indenter of the finite elements."""
         from mitsuba_taxel.mechanics import Indenter
 
         body = Indenter(self.kind, radius=self.radius, at=(self.x, self.y))
@@ -82,7 +84,7 @@ class Touch:
 
 @dataclass(frozen=True)
 class SolvedTouch:
-    """A touch and its two full solutions.
+    """A body that presses on the pad, and the full solutions of its two states.
 
     Attributes
     ----------
@@ -101,7 +103,7 @@ class SolvedTouch:
 
 
 def touches(model: ContactModel, count: int, seed: int = 0) -> list[Touch]:
-    """Balls and rods that cover the range of a model: the first ``count`` of a Halton sequence.
+    """Balls and rods that cover the range of a contact model: the first ``count`` members of a Halton sequence.
 
     Parameters
     ----------
@@ -139,7 +141,7 @@ def touches(model: ContactModel, count: int, seed: int = 0) -> list[Touch]:
 
 
 def solved_touch(cells: DiffuseCells, touch: Touch) -> SolvedTouch:
-    """The full solutions of a touch: finite elements at large strains, and the light in the deformed cells.
+    """Solve a body on a pad in full: by finite elements at large strains, and the light in the deformed cells.
 
     Parameters
     ----------
@@ -180,14 +182,14 @@ def solved_touch(cells: DiffuseCells, touch: Touch) -> SolvedTouch:
 
 
 class StateFile:
-    """Solved touches in a JSON file, which is written after each, so that an interrupted run can be resumed.
+    """Stored solutions in a JSON file, which is rewritten after each body, so that an interrupted run can be resumed.
 
     Parameters
     ----------
     file : Path or None
         The file; None to keep them in memory only.
     model : ContactModel
-        The model that they belong to: a file of another pad is refused.
+        Contact model of the pad; a file of another pad is refused.
 
     Raises
     ------
@@ -213,7 +215,8 @@ class StateFile:
             raise InputError(f"{file} holds the states of another pad: remove it, or name another output.")
 
     def of(self, touch: Touch, solve: Callable[[Touch], SolvedTouch]) -> SolvedTouch | str:
-        """The solutions of a touch: from the file, or by ``solve``. If that fails, the reason."""
+        """Solutions of a body: from the file, or computed by ``solve``. If the computation fails, the reason is
+        returned as text."""
         if touch not in self._solved:
             try:
                 self._solved[touch] = solve(touch)

@@ -1,4 +1,4 @@
-"""A polynomial as an ONNX graph of a few operations, with its box, units and error as metadata."""
+"""Export of a polynomial as an ONNX graph of a few operations, with its ranges, units and errors as metadata."""
 
 from __future__ import annotations
 
@@ -297,8 +297,8 @@ def check_onnx() -> None:
 
 
 class _Subgraph(NamedTuple):
-    """Nodes that extend a graph: constants by name, steps as (operation, inputs, output, attributes), and names of the
-    outputs (rows, taxels) in double precision."""
+    """Additional nodes of an ONNX graph: constants by name, steps as (operation, inputs, output, attributes), and names
+    of the outputs (rows, taxels) in double precision."""
 
     constants: dict[str, np.ndarray]
     steps: list[_Step]

@@ -17,7 +17,8 @@ MOST_TESTS = 24
 
 
 class Unseen(NamedTuple):
-    """Readings (rows, taxels) that were left out of a fit, and its predictions of them, in the unit of the readings."""
+    """Readings (rows, taxels) that were left out of a fit, and the predictions of them by the fit, in the unit of the
+    readings."""
 
     wanted: np.ndarray
     predicted: np.ndarray
@@ -167,7 +168,7 @@ def _test_groups(scaled: np.ndarray, path: np.ndarray) -> tuple[list[np.ndarray]
 
 
 def _spans(scaled: np.ndarray) -> bool:
-    """Whether inputs (rows, inputs) reach -1 and 1 in every column."""
+    """Whether scaled inputs (rows, inputs) reach both -1 and 1 in every column."""
     return bool(len(scaled) and (scaled.min(axis=0) == -1).all() and (scaled.max(axis=0) == 1).all())
 
 

@@ -1,8 +1,10 @@
-"""What a linear model of contact leaves out, learnt from full solutions, and its error on bodies that were left out.
+"""Second-order terms of a contact model, fitted to full solutions, with the error of the model on bodies that were left
+out.
 
-Relative to the reading at rest, a change l of the linear model becomes l + a l^2 + b l d, and a force F becomes
-F (1 + c d + e r): d is the greatest depth and r the square root of the contact area, both relative to the height of the
-pad. Cross-validation chooses which of these terms are used, and whether all taxels share a and b.
+Let l be the change of a reading by the linear model, relative to the reading at rest, F the force by the linear model,
+d the largest depth, and r the square root of the contact area, both relative to the height of the pad. With
+second-order terms, the change is l + a l^2 + b l d and the force is F (1 + c d + e r). Cross-validation chooses which
+of these terms are used, and whether all taxels share a and b.
 """
 
 from __future__ import annotations
@@ -23,8 +25,8 @@ FEWEST = 4
 
 
 class _Rows(NamedTuple):
-    """S states: number of the body (S,), linear changes of the readings (S, T), their features (S, T, 2), the linear
-    normal forces (S,) and their features (S, 2); and the full solutions, changes of readings in W and force in N."""
+    """Data for the fit from S states of bodies: the number of the body (S,), results of the linear model, their
+    features, and the full solutions."""
 
     body: np.ndarray
     change: np.ndarray
@@ -38,7 +40,7 @@ class _Rows(NamedTuple):
 
 
 def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> ContactModel:
-    """A model of contact with second-order terms learnt from full solutions, with its error on bodies left out.
+    """Contact model with second-order terms that are fitted to full solutions, and with its error on left-out bodies.
 
     Parameters
     ----------
@@ -118,7 +120,7 @@ def _rows(model: ContactModel, solved: Sequence[SolvedTouch]) -> _Rows:
 
 
 def _reading_terms(rows: _Rows, kept: np.ndarray, used: tuple[bool, bool], shared: bool) -> np.ndarray:
-    """Coefficients (T, 2) of the terms of the readings, from the rows ``kept`` (S,)."""
+    """Fit the coefficients (T, 2) of the second-order terms of the readings to the states selected by ``kept`` (S,)."""
     taxels, terms = rows.change.shape[1], np.flatnonzero(used)
     coefficients = np.zeros((taxels, 2))
     if not len(terms):
@@ -133,7 +135,7 @@ def _reading_terms(rows: _Rows, kept: np.ndarray, used: tuple[bool, bool], share
 
 
 def _force_terms(rows: _Rows, kept: np.ndarray, used: tuple[bool, bool]) -> np.ndarray:
-    """Coefficients (2,) of the terms of the force."""
+    """Fit the coefficients (2,) of the second-order terms of the force to the states selected by ``kept`` (S,)."""
     coefficients, terms = np.zeros(2), np.flatnonzero(used)
     if len(terms):
         missing = (-rows.full_force[:, 2] - rows.force)[kept]
@@ -142,7 +144,8 @@ def _force_terms(rows: _Rows, kept: np.ndarray, used: tuple[bool, bool]) -> np.n
 
 
 def _left_out(rows: _Rows, fit: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Changes (S, T) of the readings of each body, from the others."""
+    """Changes (S, T) of the readings in cross-validation: those of each body are predicted by a fit to all other
+    bodies."""
     predicted = np.empty_like(rows.change)
     for number in np.unique(rows.body):
         out = rows.body == number
@@ -151,7 +154,7 @@ def _left_out(rows: _Rows, fit: Callable[[np.ndarray], np.ndarray]) -> np.ndarra
 
 
 def _left_out_forces(rows: _Rows, used: tuple[bool, bool]) -> np.ndarray:
-    """Normal forces (S,) of each body, from the others."""
+    """Normal forces (S,) in cross-validation: those of each body are predicted by a fit to all other bodies."""
     predicted = np.empty_like(rows.force)
     for number in np.unique(rows.body):
         out = rows.body == number
@@ -160,5 +163,5 @@ def _left_out_forces(rows: _Rows, used: tuple[bool, bool]) -> np.ndarray:
 
 
 def _rms(misses: np.ndarray) -> float:
-    """Root mean square over the states, for the worst taxel."""
+    """Root mean square error over the states, of the taxel for which it is largest."""
     return float(np.sqrt(np.square(misses).mean(axis=0)).max())

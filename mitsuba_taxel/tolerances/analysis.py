@@ -329,7 +329,7 @@ def _of_figure(
     z: np.ndarray,
     z_linear: np.ndarray,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Rows of the tables of spreads and of shares for one figure.
+    """Table rows of one figure of merit: of its spreads, and of the shares of the parameters.
 
     Parameters
     ----------
@@ -439,7 +439,7 @@ def deviations(exact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _units(plan: TolerancePlan) -> dict[str, str]:
-    """Units by figure."""
+    """Unit of each figure of merit, by its name."""
     unit = "W" if plan.batch.circuit is None else "V"
     return {
         "rest": unit, "sensitivity": f"{unit}/N", "noise_force": "N", "saturation_force": "N", "crosstalk": "1",
@@ -447,7 +447,7 @@ def _units(plan: TolerancePlan) -> dict[str, str]:
 
 
 def _parameters(plan: TolerancePlan, spread: pandas.DataFrame, shares: pandas.DataFrame) -> pandas.DataFrame:
-    """The table ``parameters`` of `Tolerance`."""
+    """Create the table ``parameters`` of `Tolerance`: one row for each parameter or factor."""
     import pandas
 
     table = shares.merge(spread[["figure", "taxel", "sd"]], on=["figure", "taxel"])

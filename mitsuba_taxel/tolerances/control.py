@@ -80,7 +80,8 @@ def spreads(exact: np.ndarray, seed: int) -> dict[str, np.ndarray]:
 
 
 def _estimates(exact: np.ndarray, linear: np.ndarray, linear_only: np.ndarray) -> np.ndarray:
-    """The corrected `QUANTITIES`, (quantities, T)."""
+    """Estimate the `QUANTITIES` (mean, spread and quantiles), as an array (quantities, T), with the linear estimates as
+    control variate."""
     slope = _coefficient(exact, linear)
     every = slope * np.concatenate([linear, linear_only])
     mean, variance, low, high = _moments(every) + _moments(exact) - _moments(every[: len(exact)])

@@ -138,7 +138,7 @@ def _shares(samples: Any, sampling: Any, parameters: int, seed: int) -> np.ndarr
 
 
 def _exact(exact: Any, samples: int) -> int:
-    """The number of exact samples, checked.
+    """Check the number of exact samples, and return it. The exact samples are the first ones.
 
     The first samples represent all: rows of a Latin hypercube are in random order, and the beginning of a scrambled
     Sobol' sequence is such a sequence itself.

@@ -90,7 +90,8 @@ def run_tolerance(
 
 
 def _like(mean: xr.Dataset, plan: TolerancePlan) -> Batch:
-    """The batch of samples, with points and mesh size of the mean sensor, without random numbers if possible."""
+    """Batch of the samples, with the number of points and the mesh size of the mean sensor, without random numbers if
+    possible."""
     points = 0 if is_smooth(mean) else int(mean.attrs["points"])
     return plan.samples(points, mean.attrs.get("mesh_size"))
 

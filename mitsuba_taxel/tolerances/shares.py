@@ -87,7 +87,7 @@ def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
 
 
 def fewest_of(parameters: int) -> int:
-    """The least number of samples from which a polynomial of this many parameters is fitted."""
+    """Smallest number of samples to which a polynomial in this number of parameters can be fitted."""
     return math.ceil(SPARE * (1 + parameters))
 
 
@@ -159,8 +159,7 @@ def _indices(polynomial: ResponseSurface, laws: Sequence[Law]) -> tuple[np.ndarr
         averaged.append(np.outer(mean, mean))
 
     def square(which: Sequence[bool]) -> np.ndarray:
-        """Mean square (outputs,) of the output after averaging over all parameters except those that ``which`` selects.
-        """
+        """Mean square (outputs,) of the output, averaged over all parameters except those selected by ``which``."""
         pairs = [
             varying_product if varies else averaged_product
             for varying_product, averaged_product, varies in zip(varying, averaged, which, strict=True)

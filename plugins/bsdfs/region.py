@@ -78,7 +78,7 @@ class Region(mi.BSDF):
         return [wall for wall in self.walls.values() if getattr(wall, "needs_wavelength", False)]
 
     def _walls_hit(self, si, active):
-        """Yield each BSDF, with the lanes of ``active`` whose hit lies in its region."""
+        """Iterate over the nested BSDFs, each with the mask of the lanes of ``active`` whose hit lies in its region."""
         code = si.shape.eval_attribute_1("face_region", si, active)
         for name, wall in self.walls.items():
             yield wall, mi.Bool(active) & (dr.abs(code - ALL_REGIONS[name]) < 0.5)

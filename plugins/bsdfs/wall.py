@@ -127,13 +127,15 @@ class Wall(mi.BSDF):
         return mi.Spectrum(self._known_reflectance() * value) & active, dr.select(active, density, 0)
 
     def _of_one_side(self, ctx, si, wo):
-        """Value and density of the direction ``wo``; zero if it is not on the side of incidence."""
+        """Value and probability density of scattering into the direction ``wo``; zero if it is not on the side of
+        incidence."""
         value, density = self.law.eval_pdf(_above(si.wi), _above(wo), _from_light(ctx))
         same = si.wi.z * wo.z > 0
         return dr.select(same, value, 0), dr.select(same, density, 0)
 
     def _of_both_sides(self, ctx, si, wo):
-        """Value and density of ``wo``, including light that would leave behind the triangle and is mirrored by it."""
+        """Value and probability density of scattering into the direction ``wo``. Light that would leave behind the
+        triangle is mirrored by it and included."""
         value, density = self._of_one_side(ctx, si, wo)
         mirrored, behind = _mirrored(si, wo)
         mirrored_value, mirrored_density = self._of_one_side(ctx, si, mirrored)
@@ -204,10 +206,10 @@ def _mirrored(si: mi.SurfaceInteraction3f, wo: mi.Vector3f) -> tuple[mi.Vector3f
 
 
 def _above(direction: mi.Vector3f) -> mi.Vector3f:
-    """A direction, mirrored to the front of the wall if it is behind the wall."""
+    """Direction mirrored to the front of the wall if it points behind the wall, else unchanged."""
     return mi.Vector3f(direction.x, direction.y, dr.abs(direction.z))
 
 
 def _from_light(ctx: mi.BSDFContext) -> bool:
-    """Whether paths are traced from the light."""
+    """Whether paths are traced from the light, rather than from the detector."""
     return ctx.mode == mi.TransportMode.Importance

@@ -95,7 +95,7 @@ class AnnularLed(mi.Emitter):
         return exit_point, self._passed(dr.dot(d, self.faces.frame.n)) & is_open
 
     def _passed(self, cosine: mi.Float) -> mi.Float:
-        """Radiance in air relative to the radiance in the resin below the window."""
+        """Radiance in air divided by the radiance in the resin below the window, for a cosine of the angle in air."""
         if self.resin_index is None:
             return mi.Float(1)
         return transmittance(self.resin_index, cosine) / dr.square(self.resin_index)
@@ -262,7 +262,7 @@ coordinate runs from the hole to the outer edge, the second around the centre.
 
 
 def _pick(sample: mi.Float, count: int) -> tuple[mi.UInt32, mi.Float]:
-    """An index uniform in [0, count) and the rest of the sample, rescaled to [0, 1)."""
+    """Choose an index uniformly from [0, count) by a random number, and rescale the rest of the number to [0, 1)."""
     scaled = sample * count
     index = dr.minimum(mi.UInt32(scaled), count - 1)
     return index, scaled - mi.Float(index)

@@ -141,7 +141,8 @@ class TaxelPath(mi.CppADIntegrator):
 
     @staticmethod
     def _straight_across(scene, pair, y, target, clearance):
-        """Power [W] from the LED to the phototransistor without reflection, by a connection of two points."""
+        """Power [W] that reaches the phototransistor from the LED without reflection, by the direct connection of two
+        points."""
         led, sensor = pair.led, pair.sensor
         to_target = target - y
         distance_squared = dr.squared_norm(to_target)

@@ -155,7 +155,7 @@ def _hash(x: mi.UInt32) -> mi.UInt32:
 
 @kept(4)
 def _table(count: int, variant: str) -> mi.UInt32:
-    """Coordinates of all points, bit-reversed, one dimension after the other."""
+    """Coordinates of all Sobol' points, with reversed bits, one dimension after the other."""
     points = dr.brev(mi.UInt32(in_packets(sobol_points(count), np.uint32)))
     dr.eval(points)
     return points

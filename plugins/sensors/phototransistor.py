@@ -275,7 +275,7 @@ class _AngularResponse(Protocol):
 
 
 class _Ideal:
-    """The ideal response, which is independent of the angle."""
+    """Response of an ideal phototransistor, which does not depend on the angle."""
 
     view = emission.CosineLaw()
 
@@ -295,7 +295,7 @@ class _CosinePower:
 
 
 class _Tabulated:
-    """A response from a table; the cosine is limited from below, for tables that are not zero at 90 degrees."""
+    """Response from a table. The cosine is limited from below, because a table may not be zero at 90 degrees."""
 
     def __init__(self, angles: np.ndarray, responses: np.ndarray) -> None:
         self.view = emission.Tabulated(angles, responses)

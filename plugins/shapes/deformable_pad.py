@@ -163,7 +163,7 @@ class DeformablePad(mi.Mesh):
             return self._tessellated(self.state, self.pad)
 
     def _tessellated(self, state: State, pad: AnyPad, finish: Any = None) -> Surface:
-        """The triangulated surface of a state, with the finish of the pad or another one."""
+        """Triangulated surface of a state of the pad, with its finish or another one."""
         from mitsuba_taxel.mechanics import tessellate
 
         cut_of = None if state.mesh is self.state.mesh else self.state.mesh
@@ -226,7 +226,7 @@ class DeformablePad(mi.Mesh):
         return curvature_errors(self.state.mesh, displacement, edge_ratio(self.pad, size), self.pad.default_mesh_size)
 
     def _bent(self, surface: Surface, vertices: np.ndarray, curvature: np.ndarray) -> Places:
-        """Vertices, and normals with the curvature of walls changed, in 1/mm."""
+        """Vertices of the mesh, and normals for which the curvature of walls is changed by ``curvature`` in 1/mm."""
         from mitsuba_taxel.mechanics import bent_normals
 
         return self._places(replace(surface, normals=bent_normals(surface, curvature)), vertices)
@@ -364,7 +364,7 @@ class DeformablePad(mi.Mesh):
         return state_after(self.pad, material, path, times, obstacles=obstacles, **self._settings)
 
     def heed(self, obstacles: np.ndarray) -> bool:
-        """Deform the pad in contact with obstacles, such as packages.
+        """Deform the pad in contact with obstacles, such as packages. Returns whether vertices were moved.
 
         Parameters
         ----------
@@ -404,7 +404,8 @@ class DeformablePad(mi.Mesh):
         return True
 
     def _room_needed(self, obstacles: np.ndarray) -> str:
-        """Room that the first package that does not fit into its cell needs, as text; otherwise the cells' width."""
+        """Text on the width of cells that the first package needs that does not fit into its cell; otherwise the width
+        of the cells."""
         from mitsuba_taxel.mechanics.contact.barriers.bodies import body_of_each
         from mitsuba_taxel.pads.room import holds, nearest_cell, room_needed
 
@@ -418,7 +419,7 @@ class DeformablePad(mi.Mesh):
         return f"its cells are {self.pad.cell_size:g} mm wide"
 
     def take(self, state: State) -> None:
-        """Change the shape to the surface of another state of the pad on the same mesh."""
+        """Move the vertices to the surface of another state of the pad on the same mesh."""
         self.state, self.surface = state, self._tessellated(state, self.pad)
         move_vertices(self, self._places(self.surface, self.surface.facing))
 

@@ -178,7 +178,7 @@ def _cover_the_body(props: mi.Properties) -> None:
 
 
 def _distinct(values: np.ndarray) -> np.ndarray:
-    """Sorted values without those that are closer than 1e-6 of the range to their predecessor."""
+    """Sorted values, without those that are closer to their predecessor than 1e-6 of the range."""
     keep = np.diff(values, prepend=-np.inf) > 1e-6 * (values[-1] - values[0])
     return values[keep]
 

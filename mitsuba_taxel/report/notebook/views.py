@@ -87,7 +87,7 @@ def html_of(shown: Displayed) -> str:
 
 
 def _pad_html(pad: Pad) -> str:
-    """A pad's section and plan, with its dimensions."""
+    """HTML of a pad: its section and plan, with dimensions."""
     from mitsuba_taxel.report.notebook.pad_drawing import draw_pad
 
     count = f"{pad.rows} x {pad.columns} {pad.cell} cells"
@@ -95,7 +95,7 @@ def _pad_html(pad: Pad) -> str:
 
 
 def _block_html(block: Block) -> str:
-    """Sections of a block, with its dimensions."""
+    """HTML of a block without cells: its sections, with dimensions."""
     from mitsuba_taxel.report.notebook.pad_drawing import draw_surface
 
     mesh = block.mesh(block.default_mesh_size)
@@ -104,7 +104,7 @@ def _block_html(block: Block) -> str:
 
 
 def _pad_file_html(pad: PadFile) -> str:
-    """A pad from a file, with its sections if the file is a surface of triangles."""
+    """HTML of a pad from a file, with its sections if the file is a surface of triangles."""
     from mitsuba_taxel.geometry.geometry_error import GeometryError
     from mitsuba_taxel.pads.imported.surfaces import read_surface
     from mitsuba_taxel.pads.pad_file import SURFACE_FORMATS
@@ -124,7 +124,7 @@ def _pad_file_html(pad: PadFile) -> str:
 
 
 def _viscoelastic_html(silicone: Viscoelastic) -> str:
-    """The instantaneous law, and the Prony series."""
+    """HTML of a viscoelastic silicone: its instantaneous law and its Prony series."""
     long_term = 1 - silicone.shares.sum()
     rows = [(f"{fraction:.6g}", f"{time:.6g}") for fraction, time in silicone.prony]
     long_term_line = _line(f"Long-term fraction of the stress: {long_term:.6g}.")
@@ -133,14 +133,14 @@ def _viscoelastic_html(silicone: Viscoelastic) -> str:
 
 
 def _mullins_html(silicone: Mullins) -> str:
-    """The law of the first loading, and the constants of Mullins' effect."""
+    """HTML of a silicone with Mullins' effect: the law of the first loading and the constants of the effect."""
     rows = zip(("r", "m", "beta"), (f"{value:.6g}" for value in silicone.constants), ("", "MPa", ""), strict=True)
     softening = _framed("Mullins' effect", _table(("constant", "value", "unit"), rows))
     return _material_html(silicone.law) + softening
 
 
 def _material_html(material: Material | Viscoelastic | Mullins) -> str:
-    """A law, its constants, and the moduli computed from them."""
+    """HTML of a material law: its constants and the moduli computed from them."""
     from mitsuba_taxel.mechanics import Mullins, Viscoelastic
     from mitsuba_taxel.parameters import parameters_of
 
@@ -161,7 +161,7 @@ def _material_html(material: Material | Viscoelastic | Mullins) -> str:
 
 
 def _silicone_html(silicone: Silicone) -> str:
-    """A measured silicone: its law, source and range."""
+    """HTML of a measured silicone: its law, source and range."""
     strain = silicone.max_strain
     range_ = "" if strain is None else _line(f"Fitted up to a nominal strain of {strain:.0%}.")
     return _material_html(silicone.material) + _line(f"Source: {silicone.source}.") + range_
@@ -172,7 +172,7 @@ def _listed(numbers: Iterable[float]) -> str:
 
 
 def _state_html(state: State) -> str:
-    """Deformation of a pad, and its accuracy."""
+    """HTML of a state of a pad: its deformation and its accuracy."""
     load = state.load
     largest = float(np.linalg.norm(state.displacement, axis=1).max())
     rows = [
@@ -195,7 +195,7 @@ def _state_html(state: State) -> str:
 
 
 def _sensor_html(sensor: PadSensor) -> str:
-    """A sensor: its pad, silicone, load and optical parts."""
+    """HTML of a sensor: its pad, silicone, load and optical parts."""
     package, load = sensor.photo_reflector.package, sensor.load
     moment = f", moment = ({_listed(sensor.force[3:])}) N mm" if load.tilts else ""
     components = {
@@ -216,7 +216,7 @@ def _sensor_html(sensor: PadSensor) -> str:
 
 
 def _scene_html(scene: Scene) -> str:
-    """The parameters of a scene; its parts if it was made in Python."""
+    """HTML of a scene: its parameters, and its parts if it was made in Python."""
     if isinstance(scene.source, dict):
         items = scene.source.items()
         entries = [(name, entry["type"]) for name, entry in items if isinstance(entry, Mapping) and "type" in entry]
@@ -227,7 +227,7 @@ def _scene_html(scene: Scene) -> str:
 
 
 def _readings_html(readings: Readings) -> str:
-    """Power and error of each taxel, and the error budget."""
+    """HTML of readings: power and error of each taxel, and the error budget."""
     columns = readings_columns(readings)
     lines = [light_error_line(readings), *readings.notes, f"{budget_line(readings.error_budget)}."]
     table = _table(list(columns), list(zip(*columns.values(), strict=True)))
@@ -258,8 +258,8 @@ def _numbers(table: pandas.DataFrame) -> str:
 
 
 def _plot(study: xr.Dataset, quantity: str) -> str:
-    """The curves of a study on white, as a separate image: glyph names of inline SVG would clash with those of other
-    plots."""
+    """HTML of a plot of a study on a white background. It is embedded as a separate image, because glyph names of
+    inline SVG would clash with those of other plots."""
     from mitsuba_taxel.plots.curves import plot_curves
 
     picture, form = BytesIO(), "svg" if study.power.size <= MOST_DRAWN else "png"
@@ -271,7 +271,7 @@ def _plot(study: xr.Dataset, quantity: str) -> str:
 
 
 def _values_in_words(component: Any) -> str:
-    """Parameters of a component that have a value, in words."""
+    """Text with the parameters of a component that have a value."""
     from mitsuba_taxel.parameters import parameters_of
 
     values = ((parameter, getattr(component, name)) for name, parameter in parameters_of(type(component)).items())
@@ -292,7 +292,7 @@ def _line(text: str) -> str:
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table; if it is long, only its beginning and end. The first column is aligned left."""
+    """HTML of a table; of a long table, only the beginning and the end. The first column is aligned left."""
     chosen = list(rows)
     if len(chosen) > 2 * MOST_LINES + 1:
         chosen = [*chosen[:MOST_LINES], ["..."] * len(headings), *chosen[-MOST_LINES:]]

@@ -1,4 +1,5 @@
-"""Contents of the viewer beside the pad: packages, LEDs, phototransistors, indenters, and light paths of a cell."""
+"""Objects beside the pad in the viewer of a page: packages, LEDs, phototransistors, indenters, and light paths of a
+cell."""
 
 from __future__ import annotations
 

@@ -166,13 +166,14 @@ def _section(kind: CommandOutput, folder: Path) -> str:
 
 
 def _count(file: Path) -> int:
-    """Number of rows of a table, without its heading."""
+    """Number of rows of a table in a CSV file, without its heading."""
     with file.open("rb") as lines:
         return sum(1 for _ in lines) - 1
 
 
 def _lines(file: Path) -> list[str]:
-    """The lines of a verdict: all lines of a text file, or the items of the first list of a Markdown page."""
+    """Lines of the verdict in an output file: all lines of a text file, or the items of the first list of a Markdown
+    page."""
     if not file.is_file():
         return []
     lines = file.read_text(encoding="utf-8", errors="replace").splitlines()

@@ -72,7 +72,7 @@ def _report(progress: Callable[[int, int], None], before: int, total: int, done:
 
 
 def _selection(indices: np.ndarray) -> np.ndarray:
-    """Indices of at most `MOST_STEPS` load steps, spread evenly, with both ends."""
+    """Indices of the load steps that are shown: at most `MOST_STEPS`, spread evenly, with the first and the last."""
     if len(indices) <= MOST_STEPS:
         return indices
     return indices[np.linspace(0, len(indices) - 1, MOST_STEPS).round().astype(int)]
@@ -171,17 +171,17 @@ def _words(step: xr.DataArray, along: list[str]) -> str:
 
 
 def _word(value: str | float) -> str:
-    """A value as it is written in scenes: whole numbers have no decimal point."""
+    """Text of a value as it is written in scenes: whole numbers have no decimal point."""
     return value if isinstance(value, str) else f"{value:.15g}"
 
 
 def _size(step: xr.DataArray, along: list[str]) -> float:
-    """Magnitude of a load, to find the least load of a curve."""
+    """Magnitude of the load of a step, by which the least load of a curve is found."""
     return sum(abs(step[name].item()) for name in along if not isinstance(step[name].item(), str))
 
 
 def _largest(surface: ShownSurface, rest: ShownSurface) -> float | None:
-    """Largest displacement between two states of a pad, in mm; None between different pads."""
+    """Largest displacement in mm between two states of a pad; None if the surfaces belong to different pads."""
     if not np.array_equal(surface.triangles, rest.triangles):
         return None
     return float(np.linalg.norm(surface.vertices - rest.vertices, axis=1).max())

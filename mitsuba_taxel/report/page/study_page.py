@@ -82,7 +82,7 @@ def write_report(
 
 
 def _missing(scenes: dict[str, xr.Dataset]) -> str:
-    """Paragraph with the number of jobs without a reading; empty if there are none."""
+    """HTML of a paragraph with the number of jobs without a reading; empty if there are none."""
     readings = [scene.power.isnull().any("taxel") for scene in scenes.values()]
     missing, count = (
         sum(int(is_missing.sum()) for is_missing in readings),
@@ -137,7 +137,7 @@ def _sections(name: str, study: xr.Dataset) -> list[str]:
 
 
 def _contents(body: str) -> str:
-    """Links to the sections of the page."""
+    """HTML of the table of contents: links to the sections of the page."""
     titles = re.findall(r'<section id="([^"]+)"[^>]*><h2[^>]*>(.*?)</h2>', body)
     return "".join(f'<li><a href="#{name}">{title}</a></li>' for name, title in titles)
 

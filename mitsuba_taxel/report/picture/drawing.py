@@ -159,7 +159,7 @@ def labelled(pixels: np.ndarray, words: str, position: tuple[int, int] | None = 
 
 
 def _letter(pixels: np.ndarray) -> int:
-    """Height of letters, in pixels."""
+    """Height of letters in pixels, for a picture of this size."""
     return max(len(pixels) // 24, 9)
 
 
@@ -270,7 +270,7 @@ def _description(parts: Sequence[ShownPart], folder: Path, width: int) -> dict[s
 
 
 def _meshes(parts: Sequence[ShownPart], folder: Path) -> dict[str, dict[str, Any]]:
-    """One mesh for each material, written into a folder."""
+    """Join the parts to one mesh for each material, written as files into a folder."""
     corners = np.concatenate([solid.vertices[solid.triangles] for solid in parts])
     normals = np.concatenate([_corner_normals(solid) for solid in parts])
     materials = np.concatenate([solid.material for solid in parts])
@@ -306,12 +306,13 @@ def most_pressure(parts: Sequence[ShownPart]) -> float:
 
 
 def _colours(pressure: np.ndarray, most: float) -> np.ndarray:
-    """Linear colours (T, 3, 3) of the outside: colours of pressures or, without pressure, of the material."""
+    """Linear colours (T, 3, 3) of the triangles' corners on the outside of a pad: colours for pressures or, without
+    pressure, the colour of the material."""
     return np.where(pressure[..., None] > 0, _linear_colours(pressure, most), _SHELL)
 
 
 def _linear_colours(pressure: np.ndarray, most: float) -> np.ndarray:
-    """Linear colours (..., 3) of pressures."""
+    """Colours (..., 3), linear RGB, of a colour scale for pressures from 0 to ``most``."""
     from matplotlib import colormaps
 
     srgb = colormaps["viridis"](pressure / most)[..., :3]

@@ -163,7 +163,8 @@ def face_corners(faces: FaceGrid, index: int) -> np.ndarray:
 
 
 def _view(paths: RayPaths, faces: dict) -> np.ndarray:
-    """Lower and upper corner (2, 3) of the view; it excludes a few long paths, which would make the others small."""
+    """Region of the picture: lower and upper corner (2, 3) in mm. A few long paths are cut off, because they would make
+    the others small."""
     corners = np.concatenate([corners for corners, _ in faces.values()])
     points = np.concatenate(paths.vertices)
     kept = [path for path, reached in zip(paths.vertices, paths.reached, strict=True) if reached]

@@ -139,7 +139,7 @@ def _bodies(solid: ShownPart) -> list[ShownPart]:
 
 
 def _solid(shape: mi.Shape, magnify: float) -> ShownPart | None:
-    """A mesh of a scene; None for other shapes."""
+    """Closed surface of a mesh of a scene, for a picture; None for other shapes."""
     import mitsuba as mi
 
     displacement: np.ndarray | float = 0.0
@@ -206,14 +206,15 @@ def _board(parts: list[ShownPart]) -> ShownPart:
 
 
 def _box(front: np.ndarray, depth: np.ndarray, material: str) -> ShownPart:
-    """A box with front (4, 3), corners counter-clockwise seen from outside, and vector (3,) from front to back."""
+    """Closed surface of a box. ``front`` (4, 3) contains the corners of its front, counter-clockwise seen from outside,
+    and ``depth`` is the vector (3,) from front to back."""
     quads = np.array([[0, 1, 2, 3], [7, 6, 5, 4], *([k, k + 4, (k + 1) % 4 + 4, (k + 1) % 4] for k in range(4))])
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     return ShownPart(np.concatenate([front, front + depth]), triangles, np.full(12, material), np.zeros(12, dtype=int))
 
 
 def _opened(solid: ShownPart, offset: float) -> ShownPart:
-    """The part that remains after the cut, with the section closed."""
+    """Part of a closed surface that remains after the cut; the section is closed by a cap."""
     if solid.is_package:
         return solid
     half = cut_open(solid.vertices, solid.triangles, FACING, offset)
