@@ -125,7 +125,7 @@ def _smooth(values: np.ndarray, noise: np.ndarray) -> np.ndarray:
     values : (..., points, channels) ndarray
         Noisy values.
     noise : (points, channels) ndarray
-        Variances of the amplitudes of modes, as of :func:`_noise`.
+        Variances of the amplitudes of modes, from :func:`_noise`.
 
     Returns
     -------

@@ -34,10 +34,10 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     study : xr.Dataset
         Result of ``sweep``.
     force : str
-        What the slopes are taken along. Either a component of the force: ``fx``, ``fy`` or ``fz``, or the name of a
-        parameter with this role. It must be varied alone, as a dimension of the study or in the steps of a path. Or the
-        name of the dimension of a path along which the force changes in one direction. The abscissa is then the
-        component of the force in this direction, such as the resultant of a diagonal load.
+        Force with respect to which slopes are computed. Either a component of the force: ``fx``, ``fy`` or ``fz``, or
+        the name of a parameter with this role. It must be varied alone, as a dimension of the study or in the steps of
+        a path. Or the name of the dimension of a path along which the force changes in one direction. The abscissa is
+        then the component of the force in this direction, such as the resultant of a diagonal load.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
 
 
 def sensitivity_table(study: xr.Dataset) -> pandas.DataFrame:
-    """Slopes along every line of load of a study, as of :func:`sensitivity`, one row per line and taxel.
+    """Table of the slopes along every line of load of a study, one row per line and taxel; see :func:`sensitivity`.
 
     If a path goes up and down along a line, its first run of growing force is used. Columns: ``force``, the other
     varied parameters, ``taxel``, the slopes with their unit in the name, and ``remark`` on the largest slope. The table

@@ -52,8 +52,8 @@ class Simulated(NamedTuple):
 def simulated_experiments(study: xr.Dataset | xr.DataTree, circuit: Circuit | None = None) -> Simulated:
     """Experiments of a study along its lines of load; the list is empty if no force is varied.
 
-    With a circuit, each experiment is returned twice, in watts and in volts; its entry ``reading`` in ``where`` tells
-    which.
+    With a circuit, each experiment is returned twice, in watts and in volts; its entry ``reading`` in ``where`` states
+    the unit.
 
     Parameters
     ----------

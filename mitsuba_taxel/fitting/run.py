@@ -39,7 +39,7 @@ class FitResult:
     unknowns : DataFrame
         One row per unknown: ``start``; ``value``, its ``error`` (one standard deviation), and the ends ``low`` and
         ``high`` of its 95 % confidence interval. Error and interval include ``data_error``, due to the data, and
-        ``model_error``, due to the model. The latter consists of ``light_error``, ``mechanics_error`` and
+        ``model_error``, due to the model. ``model_error`` consists of ``light_error``, ``mechanics_error`` and
         ``geometry_error``; unknown errors are NaN and not included.
     correlation : DataFrame
         Correlation of the unknowns' errors due to the data.

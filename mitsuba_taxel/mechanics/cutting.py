@@ -196,11 +196,9 @@ def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.nda
 
 
 def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Points and triangles of a subdivided face whose three edges have different numbers of ``segments`` (3,). The grid
-    of the largest number is used: points on the other edges are moved to match their segments, and degenerate triangles
-    are left out. No triangle becomes much larger, or inverted.
+    """Points and triangles of a subdivided face whose three edges have different numbers of ``segments`` (3,).
 
-    From the grid of the largest number, points on the other edges are moved to match their segments, and degenerate
+    The grid of the largest number is used: points on the other edges are moved to match their segments, and degenerate
     triangles are left out. No triangle becomes much larger, or inverted.
     """
     n = max(segments)
@@ -219,9 +217,8 @@ def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Keys by which coincident points of different faces are recognised: an integer array with a row of each of F * P
-    points, from integer barycentric coordinates (P, 3) in faces with corners (F, 3). A key consists of the corners with
-    non-zero weights, in order, and these weights.
+    """Keys by which coincident points of different faces are recognised: an integer array with a row for each of F * P
+    points.
 
     Points have integer barycentric coordinates (P, 3) in faces with corners (F, 3). A key consists of the corners with
     non-zero weights, in order, and these weights.

@@ -168,7 +168,7 @@ def state_after(
     material : Material or Viscoelastic or Mullins
         Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
-        Values (S, 3) or (S, 1), as of :func:`load_path`.
+        Values (S, 3) or (S, 1), as for :func:`load_path`.
     times : (S,) sequence of float, optional
         Times in s, for a viscoelastic silicone.
     load : Load
@@ -214,7 +214,7 @@ def state_at_rest(
     material : Material or Viscoelastic or Mullins
         Silicone of the pad.
     values : Sequence[Sequence[float]] or ndarray
-        Values (S, 3) or (S, 1), as of :func:`load_path`.
+        Values (S, 3) or (S, 1), as for :func:`load_path`.
     times : (S,) sequence of float, optional
         Times in s, for a viscoelastic silicone.
     load : Load

@@ -275,7 +275,8 @@ class _Boundary:
         """Nearest points of curved faces: for K pairs of a point and a face, the barycentric coordinates (K, 3) of the
         point of the face that is nearest, and the distance (K,).
 
-        Gauss-Newton: the nearest point of the tangent triangle, repeated while it improves.
+        The Gauss-Newton method is used: the nearest point of the tangent triangle is computed repeatedly, as long as
+        the distance decreases.
         """
         barycentric, remaining = np.full((len(x), 3), 1 / 3), np.arange(len(x))
         best, least = barycentric.copy(), np.full(len(x), np.inf)

@@ -119,8 +119,8 @@ def _in_view(plan: Plan, designs: list[Design]) -> Plan:
 def _unsaturated(plan: Plan) -> Plan:
     """Add constraints to the plan that keep the output below the circuit's limit.
 
-    Constraints are added along each line that a figure of changes uses, unless the plan has such a constraint. Without
-    them, figures of a saturated sensor would be computed as if the converter had no limit.
+    Constraints are added along each line of loads that a figure uses, such as a sensitivity, unless the plan has such a
+    constraint. Without them, figures of a saturated sensor would be computed as if the converter had no limit.
     """
     if plan.circuit is None:
         return plan

@@ -148,8 +148,7 @@ def _refuse_large(width: int, height: int) -> None:
 
 
 def _view(scene: mi.Scene, camera: mi.Sensor) -> View:
-    """Trace a ray through the centre of each pixel of a camera. Rays pass through surfaces that only transmit light,
-    and are refracted there.
+    """Trace a ray through the centre of each pixel of a camera, and collect the view of the coat.
 
     Rays pass through surfaces that only transmit light, and are refracted there. `InputError` is raised if no pixel
     shows the coat.

@@ -75,7 +75,7 @@ def export_contact(
     error : float
         Target for the error of the readings, root mean square relative to their largest change.
     spacing, mesh_size : float, optional
-        Sides of the patches, and size of the finite elements in mm, as of :func:`contact_model`.
+        Sides of the patches, and size of the finite elements in mm; see :func:`contact_model`.
     most : int
         Largest number of bodies.
     progress : Callable[[int, int], None], optional

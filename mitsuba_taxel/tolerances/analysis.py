@@ -60,8 +60,8 @@ class Tolerance:
         ``total_error``.
     samples : DataFrame
         One row per sample: its parameters and factors, and the figures of all taxels. If only some samples are exact:
-        ``exact`` tells which, figures of the others are NaN, and columns such as ``linear_rest_1`` are the linear
-        estimates.
+        ``exact`` marks these, figures of the other samples are NaN, and columns such as ``linear_rest_1`` are the
+        linear estimates.
     notes : list[str]
         Notes for the reader.
     """
@@ -234,8 +234,8 @@ def nominal_errors(
 
     Errors of the light follow from its replicates. Errors of the shape are modelled as smooth random functions of the
     force, common to all taxels; see `characterise.shape_error`. In the cross-talk, a ratio of two taxels, an error that
-    changes both taxels alike cancels. Errors of irregular meshes do not cancel; the changes due to the loaded taxel and
-    due to the other taxels are therefore added in quadrature.
+    changes both taxels by the same fraction cancels. Errors of irregular meshes do not cancel; the changes due to the
+    loaded taxel and due to the other taxels are therefore added in quadrature.
 
     Parameters
     ----------

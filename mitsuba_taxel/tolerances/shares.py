@@ -59,7 +59,8 @@ class ResponseSurface:
 
 
 def fitted(z: np.ndarray, outputs: np.ndarray) -> ResponseSurface | None:
-    """Fit a polynomial to the samples: of all degrees for which there are enough samples, the one that predicts best.
+    """Fit a polynomial to the samples. Its degree is that with the best predictions, among the degrees for which there
+    are enough samples.
 
     Parameters
     ----------

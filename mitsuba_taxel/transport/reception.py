@@ -156,7 +156,7 @@ def accepted(end: End, positions: np.ndarray, degree: int) -> tuple[np.ndarray, 
     Returns
     -------
     by_rule, by_outline : (F,) ndarray
-        Accepted light in mm² sr, as of :func:`acceptance`.
+        Accepted light in mm² sr, as from :func:`acceptance`.
     """
     rule, weights = triangle_rule(degree)
     points = PatchPoints(np.repeat(np.arange(len(positions)), len(rule)), np.tile(rule, (len(positions), 1)))

@@ -379,7 +379,7 @@ class DeformablePad(mi.Mesh):
         Raises
         ------
         InputError, ComputationError
-            as of `load_path`: if the undeformed pad touches an obstacle, or if the load path ends.
+            for the reasons of `load_path`: if the undeformed pad touches an obstacle, or if the load path ends.
         """
         if isinstance(self.pad, Block):
             raise InputError(f"{NO_ROOM}: a pad with cells is needed.")

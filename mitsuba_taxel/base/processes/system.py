@@ -1,8 +1,8 @@
 """Replacements for all functions that some operating systems lack.
 
-Names of the standard library that exist on Unix only, or have another meaning on Windows, are used nowhere else, except
-the free memory that Linux reports (:mod:`mitsuba_taxel.mechanics.elements.memory`). The file imports nothing but the
-standard library, so that a worker can run it without this package.
+Functions of the standard library that exist on Unix only, or have another meaning on Windows, are called in this file
+only. The exception is the free memory that Linux reports (:mod:`mitsuba_taxel.mechanics.elements.memory`). The file
+imports nothing but the standard library, so that a worker can run it without this package.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""What is saved by omitting unnecessary work: shipped scenes are measured unchanged, and with the unnecessary work
-added.
+"""Time saved by omitting unnecessary work: shipped scenes are measured unchanged, and with the unnecessary work added.
 
 Each row of the table is measured in separate processes: once with empty caches of kernels and solutions, then twice
 with the caches of the first run. These processes run this module, with the scene and the added work as JSON.

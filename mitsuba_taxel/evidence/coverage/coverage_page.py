@@ -186,8 +186,7 @@ class CoveragePage:
 
 
 def _in_order(kept: Sequence[Any], rows: Sequence[Any], names: Sequence[str]) -> list[Any]:
-    """Merge new ``rows`` into stored rows, in the order of the case names ``names``. New rows replace stored rows of
-    the same case. Stored rows of cases that no longer exist are dropped.
+    """Merge new ``rows`` into stored rows, in the order of the case names ``names``.
 
     New rows replace stored rows of the same case. Stored rows of cases that no longer exist are dropped.
     """

@@ -13,7 +13,7 @@ from mitsuba_taxel.base.processes.system import peak_memory
 class TableCase:
     """A case of a table of extreme cases, such as a load or a circuit at the limit of what is computed.
 
-    Each case is measured in a process of its own, and gives one row of the table.
+    Each case is measured in a separate process, and gives one row of the table.
 
     Attributes
     ----------

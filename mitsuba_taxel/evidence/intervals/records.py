@@ -105,7 +105,7 @@ def _correlated(correlation: float, count: int, random: np.random.Generator) -> 
 
 def _force_course(move: str, cycles: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Force history of a recording, (rows,): the force as a fraction of the largest force. A second array (rows,) is 1
-    where the force falls, else 0. The numbers of force levels and rows are random.
+    where the force falls, else 0.
 
     The numbers of force levels and rows are random.
     """

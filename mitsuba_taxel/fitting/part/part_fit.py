@@ -86,7 +86,7 @@ class PartFit:
     rms : float
         Root mean square of the differences, relative to the largest measured current.
     notes : list[str]
-        What the curve does not determine.
+        Notes on numbers that the curve does not determine.
     """
 
     part: Part
@@ -154,7 +154,7 @@ def part_unknowns(sheet: Datasheet) -> list[PartUnknown]:
     Parameters
     ----------
     sheet : Datasheet
-        What the file of the part states.
+        Contents of the file of the part.
 
     Returns
     -------

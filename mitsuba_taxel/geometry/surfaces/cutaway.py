@@ -72,7 +72,7 @@ def cut_open(vertices: np.ndarray, triangles: np.ndarray, normal: np.ndarray, of
     Returns
     -------
     Half
-        Vertices and triangles, and which of these are the cap.
+        Vertices and triangles, including those of the cap.
     """
     height = vertices @ normal - offset
     height = height - _clear_of(height, NUDGE * np.ptp(vertices, axis=0).max(initial=0.0))

@@ -487,8 +487,6 @@ class Techniques:
     def _weight(*alternatives: tuple[bool, mi.Float]) -> mi.Float:
         """Weight of a technique by the power heuristic (multiple importance sampling). ``alternatives`` lists all other
         techniques: whether each is in use, and its density relative to that of this technique.
-
-        Each alternative is a technique: whether it is in use, and its density relative to that of the weighted one.
         """
         total = mi.Float(1)
         for in_use, ratio in alternatives:

@@ -77,7 +77,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def digest(self) -> str:
-        """Digest of what the body depends on besides its parameters, such as the content of a file.
+        """Digest of data on which the body depends in addition to its parameters, such as the content of a file.
 
         Returns
         -------

@@ -138,7 +138,8 @@ class SolidDistance:
 
     def _nearest(self, points: np.ndarray, candidates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances (n,) of points (n, 3) from the nearest of their candidate triangles (n, k), and whether they are
-        behind it. Of triangles that share the nearest point, the one that faces the point most decides."""
+        behind it. If several triangles share the nearest point, the triangle that faces the point most directly is
+        used."""
         shape = candidates.shape
         repeated = np.repeat(points, shape[1], axis=0)
         offset = repeated - closest_on_triangles(repeated, self._corners[candidates.ravel()])

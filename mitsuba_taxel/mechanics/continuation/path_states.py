@@ -31,10 +31,10 @@ from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class PathStates(PathProblem):
-    """States of one pad under one kind of load. Of loads that are mirror images of each other, only one is solved.
+    """States of one pad under one kind of load.
 
-    Loads that are mirror images in a plane of symmetry of the pad have mirrored states. The load on the kept side of
-    all such planes is solved; it is called canonical.
+    Loads that are mirror images of each other in a plane of symmetry of the pad have mirrored states, so only one of
+    them is solved: the load on the kept side of all planes, which is called canonical.
 
     Parameters
     ----------

@@ -26,10 +26,9 @@ tried. For one of the paper's domes the iteration converges up to this distance,
 
 
 class SolvedStates:
-    """States of a load path that were solved at requested loads, in memory and on disk. They include states under
-    purely normal forces that are not on the path.
+    """States of a load path that were solved at requested loads, in memory and on disk.
 
-    States outside the path, under purely normal forces, are kept too.
+    States under purely normal forces that are not on the path are kept too.
 
     Parameters
     ----------

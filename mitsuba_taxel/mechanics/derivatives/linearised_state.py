@@ -364,9 +364,9 @@ class LinearisedState:
 
 class PressedState(LinearisedState):
     """A pad under a force along z on an indenter, linearised. The indenter moves so that the force stays constant when
-    material or shape change. The state is solved with the displacement of the indenter as its load.
+    material or shape change.
 
-    The value of the linearised pad is the displacement of the indenter.
+    The load of the linearised pad is the displacement of the indenter.
     """
 
     def by_value(self, direction: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -410,8 +410,6 @@ class PressedState(LinearisedState):
         """Derivative (N, 3) of the nodes' displacements with respect to a parameter at a constant force of the
         indenter, from the derivative ``rate`` at a constant depth. ``gain`` is the derivative of the force at constant
         displacements.
-
-        ``gain`` is the rate of the force while the nodes do not move.
         """
         gain += float(self._body.force_rate(self._contact_state, np.zeros(3), rate)[2])
         return rate - gain / self._stiffness * self._by_height

@@ -215,8 +215,6 @@ class _Dofs:
     def numbering(self, added: int) -> Numbering:
         """Number the free degrees of freedom, then the pressures. The last two nodes stand for the plate and its
         rotation; ``added`` of them, 0 to 2, exist.
-
-        The last two nodes are the plate and its rotation, of which the first ``added`` are present.
         """
         present = slice(len(self.root) - 2 + added)
         used = np.zeros(self.root.size, dtype=bool)

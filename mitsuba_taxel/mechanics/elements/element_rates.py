@@ -22,12 +22,10 @@ Forces = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class _Chunk:
-    """Quantities at the q quadrature points of a chunk of m elements in a deformed state. ``deformed`` is the
-    deformation gradient F. All other fields are arguments and results of the constitutive law. Where the law is linear,
-    they are computed with the identity as F, and ``small`` is the small strain.
+    """Quantities at the q quadrature points of a chunk of m elements in a deformed state.
 
-    ``deformed`` is F. All other fields are arguments and results of the law. Where the law is linear, these use the
-    identity as F, and ``small`` is the small strain.
+    ``deformed`` is the deformation gradient F. All other fields are arguments and results of the constitutive law.
+    Where the law is linear, they are computed with the identity as F, and ``small`` is the small strain.
     """
 
     here: slice

@@ -181,8 +181,6 @@ class Model:
     def may_press(self) -> np.ndarray:
         """Mask (m,) of the indenter's contact pressures whose nodes can move along z. In antisymmetric states, nodes on
         the mirror plane cannot.
-
-        In antisymmetric states, nodes on the mirror plane cannot.
         """
         return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
 

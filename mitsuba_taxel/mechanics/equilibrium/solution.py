@@ -64,7 +64,6 @@ class Rejected(Exception):
 @dataclass(frozen=True)
 class Balanced:
     """Result of Newton's method: unknowns, residual and tangent of the pad, remaining error, and number of iterations.
-    ``linearised`` is the last factored tangent, if any; its state is at a ``distance`` in mm from the result.
 
     ``linearised`` is the last factored tangent, if any; its state is at a ``distance`` in mm from the result.
     """

@@ -252,10 +252,9 @@ class TimedStates:
         beyond: bool = False,
     ) -> TimeState:
         """State of the pad after the load has changed to ``value``; ``steps`` is the number of steps under friction.
+
         With ``beyond``, the change ends after the last row: it is a single step, within which states may be
         interpolated.
-
-        If the change leads ``beyond`` the last row, it is a single step, within which states may be interpolated.
         """
         began = clock.perf_counter()
         start_value = before.load.value

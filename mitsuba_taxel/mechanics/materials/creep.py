@@ -96,7 +96,7 @@ class CreepResponse:
 
     def _growth(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Growth | None:
         """Part of a time step in which the load's response changes, as a :class:`Growth`: the response is projected
-        onto its total change, and scaled so that it grows from 0 to 1. None if nothing changes.
+        onto its total change, and scaled so that it grows from 0 to 1.
 
         None if nothing changes.
         """
@@ -235,10 +235,9 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 def _nodes(duration: float, shortest: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss quadrature over a time step: times since its start, times until its end, and weights, all in s. Intervals
-    are halved towards both ends until they are much shorter than the ``shortest`` time constant in s.
+    """Gauss quadrature over a time step: times since its start, times until its end, and weights, all in s.
 
-    Intervals halve towards both ends, until they are much shorter than the ``shortest`` time constant in s.
+    Intervals are halved towards both ends until they are much shorter than the ``shortest`` time constant in s.
     """
     count = min(max(math.ceil(math.log2(max(8 * duration / shortest, 1.0))), 1), OCTAVES)
     edges = duration * np.append(0.0, 0.5 ** np.arange(count, 0, -1))

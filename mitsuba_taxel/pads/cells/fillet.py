@@ -97,7 +97,7 @@ def refused(
     name : str
         Name of the parameter.
     beside : str
-        What limits the radius, in words.
+        Reason for the limit of the radius, in words.
 
     Returns
     -------

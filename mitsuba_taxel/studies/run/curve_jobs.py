@@ -69,7 +69,7 @@ def curve_jobs(batch: Batch, settings: Settings, stored: bool) -> list[list[Job]
 
 def _base_load(batch: Batch, fitted: Sequence[str], settings: Settings) -> dict[str, str] | None:
     """Load of the base scene for random paths: the largest load of the curves. Scenes at other loads are read relative
-    to the base scene. None if no curve is fitted to the readings.
+    to the base scene.
 
     None if no curve is fitted to the readings.
     """

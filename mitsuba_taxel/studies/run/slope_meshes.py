@@ -166,10 +166,8 @@ def _finest(
 
 
 def _between(size: float, failed: float) -> float | None:
-    """Mesh size between two sizes of the ladder, halfway between one that is too coarse and one that fails. None if
-    there is none in between.
-
-    None if there is no size in between.
+    """Mesh size on the ladder of sizes, halfway between a size that is too coarse and a size that fails. None if there
+    is no size in between.
     """
     rungs = round(math.log(failed / size) / math.log(RUNG)) // 2
     return size * RUNG**rungs if rungs else None

@@ -168,7 +168,7 @@ def sweep(
     -----
     For a scene with a camera, ``output`` gets the image of each scene as ``images/000000.exr`` and so on, a PNG beside
     it, the table ``images.csv`` and a contact sheet; ``target_error`` applies to the relative error of a pixel of each
-    image, and ``points`` is the number of samples per pixel and replicate. The result is the table, as of
+    image, and ``points`` is the number of samples per pixel and replicate. The result is the table of
     `mitsuba_taxel.studies.store.image_folder.image_table`. Images are in colour, unless the environment variable
     ``MITSUBA_TAXEL_VARIANT`` names another variant of Mitsuba.
     """

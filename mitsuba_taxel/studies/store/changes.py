@@ -93,8 +93,8 @@ def changed_scene(now: str, before: str) -> str:
 
 
 def _values(element: ElementTree.Element, around: str = "") -> list[tuple[str, str]]:
-    """Iterate over the values of an XML element and its children, in the order of the text. Each value comes with a
-    description of its position, such as ``wall of deformable_pad``.
+    """Iterate over the values of an XML element and its children, in the order of the text, each with a description of
+    its position.
 
     A description is, for instance, ``wall of deformable_pad``; ``around`` is the name of the enclosing element.
     """
