@@ -24,77 +24,88 @@ _READINGS = """\
 
 For users who ask how often the true value lies within the stated error.
 
-Written by `{command}`; do not edit by hand.
-
-Each setting is a sensor whose readings are computed on the default mesh, with their stated errors. The true error is
-the difference from a reference value. The reference value is extrapolated from readings on elements of {fine:g} mm or
-less (at most 1 / {finer:g} of the default size) and on elements {coarser:.2f} times as large, or larger where fillets
-leave both meshes nearly the same; the error is assumed to fall with the power {order:g} of the element size. Where such
-elements would take too long, the setting names the size that its reference has instead, as in "(reference: 0.75 mm)";
-under an indenter, all elements are smaller in proportion. If the extrapolation exceeds the stated error, the elements
-of the reference are made smaller by the factor {coarser:.2f}, up to {refinements} times. Light is computed without
-random numbers, with the same patches on all meshes.
-
 **{summary}**
+
+Written by `{command}`; do not edit by hand. The page has three parts: readings, results that need no pad, and
+probabilities.
+
+## Readings
+
+The table has one row for each setting: a sensor whose readings are computed on the default mesh, with their stated
+errors. The true error is the difference from a reference value on much smaller elements, which is explained below the
+table:
 
 {table}
 
 - **true**, **stated**: true and stated relative error of the worst taxel due to the finite elements.
-- **corrected**: true error if the estimated error, with its sign, were subtracted from the reading. Where it exceeds
-  the true error, the estimate has the wrong sign, or more than twice the right size. Readings are not corrected.
-- **light**: stated relative error of the light, due to its patches. **extrapolation**: relative change of the reference
-  value by the extrapolation.
+- **corrected**: true error if the estimated error, with its sign, were subtracted from the reading. If it exceeds the
+  true error, the estimate has the wrong sign, or more than twice the right size. Readings are not corrected.
+- **light**: stated relative error of the light, due to its patches.
+- **extrapolation**: relative change of the reference value by the extrapolation.
 - **within twice**: number of readings whose true error is at most twice the stated error.
 - **CPU s**: CPU time of all processors, for all three meshes.
+
+**Reference values.** A reference value is extrapolated to elements of size 0 from readings on two meshes. The finer
+mesh has elements of {fine:g} mm or less, and at most 1 / {finer:g} of the default size. The elements of the other are
+{coarser:.2f} times as large, or larger if fillets would leave both meshes nearly the same. The error is assumed to fall
+with the power {order:g} of the element size. Light is computed without random numbers, with the same patches on all
+meshes.
+
+**Exceptions.** If such elements would take too long, the setting names the size that its reference has instead, as in
+"(reference: 0.75 mm)"; under an indenter, all elements are smaller in proportion. If the extrapolation exceeds the
+stated error, the elements of the reference are made smaller by the factor {coarser:.2f}, up to {refinements} times.
 """
 _FIGURES = """
 ## Results that need no pad
 
-Each row is a result computed from synthetic data, whose true value is known:
-
-- recordings of a bench (*record*): the force moves in stairs, ramps, triangles, sines, or ramps and holds (*mixture*),
-  with random numbers of levels and rows. The noise is white or correlated from row to row. In some rows there is a
-  12-bit converter as well: its steps hide the noise, or are as large as the noise;
-- tolerance studies: sums and products of normally distributed parameters, with noise;
-- fits of a curve to readings under known forces. The unknowns are *softness* (displacement per force), *gain* (a factor
-  of all readings) and *offset*. The model is exact, or has errors of light or finite elements. Errors of elements are
-  proportional to the displacement, or change along the load path in a random walk. In further rows the unknowns are
-  correlated, or a bound is near the true value;
-- calibrations: from load paths whose errors are common to a path or independent from row to row, tested on new paths;
-- exported models of studies with errors; forces computed from noisy counts;
-- differences of two variants of a sensor by `taxel compare`: their readings have partly common errors, which are either
-  equal along a load path or random. The result *behind* is the difference between the variants in the figure of
-  merit that the row names.
-
-The figures of merit (`mean_slope`, `max_slope`, `zero_slope`, `relative_slope`, `nonlinearity`, `hysteresis`,
-`repeatability`) are defined in [Figures of merit](theory/merit.md).
-
-Each row counts errors over many random seeds, which are used for nothing else. If the stated errors are right, 95.4 %
-of the true errors are within twice the stated error. Half the width of a stated 95 % interval counts as 1.96 standard
-deviations.
-
 **{summary}** {below}
+
+The table has one row for each result that is computed from synthetic data, whose true value is known. Each row counts
+errors over many random seeds, which are used for nothing else. If the stated errors are right, 95.4 % of the true
+errors are within twice the stated error. Half the width of a stated 95 % interval counts as 1.96 standard deviations.
 
 {table}
 
 - **stated errors**, **not stated**: number of results with a stated error, and of results without one because the noise
   is unknown.
 - **coverage**: fraction of the true errors within twice the stated error.
-- **true / stated**: root mean square, over the seeds, of the true error divided by the stated error. One seed whose
-  stated error is far too small can make it large although the coverage is high, as where steps hide the noise.
+- **true / stated**: root mean square, over the seeds, of the true error divided by the stated error. A single seed with
+  a stated error that is far too small can make this number large although the coverage is high. This happens where
+  steps of a converter hide the noise.
+
+The rows are of these kinds:
+
+- **Recordings of a bench** (*record*). The force moves in stairs, ramps, triangles, sines, or ramps and holds
+  (*mixture*), with random numbers of levels and rows. The noise is white, or correlated from row to row. Some rows have
+  a 12-bit converter, whose steps hide the noise or are as large as the noise.
+- **Tolerance studies**: sums and products of normally distributed parameters, with noise.
+- **Fits** of a curve to readings under known forces. The unknowns are *softness* (displacement per force), *gain* (a
+  factor of all readings) and *offset*. The model is exact, or has errors of light or finite elements. Errors of
+  elements are proportional to the displacement, or change along the load path in a random walk. In some rows, the
+  unknowns are correlated, or a bound is near the true value.
+- **Calibrations** from load paths, tested on new paths. Errors are common to a path, or independent from row to row.
+- **Exported models** of studies with errors, and forces computed from noisy counts.
+- **Differences of two variants** of a sensor by `taxel compare`. Their readings have partly common errors, which are
+  equal along a load path or random. The result *behind* is the difference between the variants in the figure of merit
+  that the row names.
+
+The figures of merit (`mean_slope`, `max_slope`, `zero_slope`, `relative_slope`, `nonlinearity`, `hysteresis`,
+`repeatability`) are defined in [Figures of merit](theory/merit.md).
 """
 _PROBABILITIES = """
 ## Probabilities
 
-`taxel compare` ranks three variants of a sensor by one figure of merit, with a limit on another. The variants are
-synthetic, with errors as above. The table compares stated probabilities with observed frequencies of two events: the
-variant is the best (**first**), and it meets the limit (**allowed**).
-
 **{summary}**
+
+`taxel compare` ranks three synthetic variants of a sensor, with errors as above, by one figure of merit and with a limit
+on another. Two events are counted: a variant is the best (**first**), and a variant meets the limit (**allowed**).
+
+The table has one row for each event and each range of stated probabilities. It compares the stated probability with the
+observed frequency:
 
 {table}
 
-- **stated**, **number**: range of stated probabilities, and how many of them lie in this range.
+- **stated**, **number**: range of stated probabilities, and number of probabilities in this range.
 - **1 sigma**: standard error of the observed frequency, if all stated probabilities are right.
 """
 

@@ -27,58 +27,74 @@ _PAGE = """\
 
 For users who ask whether light without random numbers is right for their optics.
 
+**{summary}**
+
 Written by `{command}`; do not edit by hand.
 
-Each row is a pad with one cell, unloaded or loaded; all registered cell shapes occur. All other properties are drawn at
-random: the emission law of the LED (cones of 0.05 to 90 degrees, powers of the cosine up to a million, tables), the
-response of the phototransistor, walls, sizes and dies. Each reading is computed twice: at the default settings, and by
-random paths only. Random paths use neither the patches nor the quadrature of light without random numbers, so they are
-an independent check.
+Each reading is computed twice: at the default settings, and by random paths only. Random paths use neither the patches
+nor the quadrature of light without random numbers, so they are an independent check.
 
-**{summary}**
+## Configurations
+
+The table has one row for each configuration: a pad with one cell, unloaded or loaded. All registered cell shapes occur.
+All other properties are drawn at random:
+
+- the emission law of the LED: cones of 0.05 to 90 degrees, powers of the cosine up to a million, and tables;
+- the response of the phototransistor;
+- the walls, the sizes of the cell, and the dies.
 
 {table}
 
 - **random paths**: "yes" if the reading at the default settings uses random paths; if "no", it has no noise.
-- **deviation**: relative difference of the default reading from the reading by random paths. **stated**: stated error
-  of the default reading. **noise**: error of the reading by random paths, due to noise and triangles. **combined
-  errors**: the deviation divided by the root of the sum of squares of both errors.
-- **slope deviation**, **slope stated**, **slope noise**: the same for the derivative with respect to {derived},
-  relative to the reading, per mm; of both derivatives, the one with the larger deviation in combined errors is shown.
-- **CPU s**, **CPU s to {tight:.1%}**, **MB**: CPU time of all processors at the default settings, and to a target
-  error of {tight:.1%}, both with compilation; peak memory.
+- **deviation**: relative difference of the default reading from the reading by random paths.
+- **stated**: relative stated error of the default reading.
+- **noise**: relative error of the reading by random paths, due to noise and triangles.
+- **combined errors**: the deviation divided by the combined error of both readings (the root of the sum of squares).
+- **slope deviation**, **slope stated**, **slope noise**: the same three numbers for the derivative of the reading with
+  respect to {derived}, relative to the reading, per mm. Of both derivatives, the worse one is shown.
+- **CPU s**, **CPU s to {tight:.1%}**: CPU time of all processors, with compilation, at the default settings and to a
+  target error of {tight:.1%}.
+- **MB**: peak memory.
 - **measured**: date and time in UTC. Each row was measured with the code of that time (see `git log`). To measure a row
   again, delete it from the CSV file.
 
 {missing}
 
 ## Cells with mirrors
-No wall in the table is a mirror. Light in cells with mirrors is computed by random paths.
+No wall in the table is a mirror: light in cells with mirrors is always computed by random paths. Four tests show what
+to expect of such readings.
 
-**Plane mirrors.** Below a plane mirror, such as the roof of an unloaded box, paths connect scattering walls with the
-mirror image of the phototransistor. For a box at rest with a mirror roof (reflectance 0.9) and Lambertian sides (0.9),
-`taxel render FILE.xml --points 1024` states an error of 0.34 %, and `--target-error 0.1%` takes 4 CPU s.
+**Plane mirrors are fast.** Below a plane mirror, such as the roof of an unloaded box, paths connect scattering walls
+with the mirror image of the phototransistor. The test is a box at rest with a mirror roof (reflectance 0.9) and
+Lambertian sides (0.9). With `taxel render FILE.xml --points 1024`, the stated error is 0.34 %. With
+`--target-error 0.1%`, the reading takes 4 CPU s.
 
-**Bent mirrors.** A load bends the mirror roof. Rays from the phototransistor are then traced over the mirror, and
-connected with the wall that they hit. Light that reaches this wall by way of a mirror as well hits the phototransistor
-by chance only. The error of the same box, loaded, is 1.2 % with 1024 points. It falls as the square root of the number
-of paths: an error of 0.1 % needs about 120 000 points per taxel and randomisation, minutes instead of seconds.
+**Bent mirrors take minutes.** A load bends the mirror roof of the same box. Rays from the phototransistor are then
+reflected by the mirror, and connected with the wall that they hit. If light reaches this wall by a mirror, too, the
+connection does not find it, and it hits the phototransistor by chance only. The error is 1.2 % with 1024 points. It
+falls as the square root of the number of paths: an error of 0.1 % needs about 120 000 points per taxel and
+randomisation.
 
-**Understated errors.** If few paths carry much of the light, the scatter of the replicates can understate the error.
-This was tested with the scene `images 5 cylindrical` of [estimators of random paths](estimators.md), with 32 768 points
-and 8 seeds: the deviation from the mean of many more paths was compared with the stated error. With the roof at rest,
-and without connections over its image, the mean square of deviation / stated error is 2.8, and the largest deviation is
-0.33 %. Before rays were traced over mirrors, these numbers were 240 and 13 %, and some seeds missed 5 % of the light
-with a stated error of 0.1 %. With the roof pressed by 0.3 N, the numbers are 0.2 and 0.13 % (before: 179 and 10 %).
-Tracing these rays takes 3 to 27 % of the time. `pytest tests/kernels/test_reflected_views.py -k narrow` repeats the
+**Stated errors hold.** If few paths carry much of the light, the scatter of the replicates can understate the error.
+The test uses the scene `images 5 cylindrical` of [estimators of random paths](estimators.md), with 32 768 points and 8
+seeds. The reference is the mean of many more paths. The table has one row for each state of the roof; *before* means
+before rays were reflected by mirrors:
+
+| roof | mean square of deviation / stated error | largest deviation | before: mean square | before: largest deviation |
+| :-- | --: | --: | --: | --: |
+| at rest, without connections over its mirror image | 2.8 | 0.33 % | 240 | 13 % |
+| pressed by 0.3 N | 0.2 | 0.13 % | 179 | 10 % |
+
+Reflecting these rays takes 3 to 27 % of the time. `pytest tests/kernels/test_reflected_views.py -k narrow` repeats the
 test with fewer paths on a similar scene.
 
-**Small phototransistors.** If the LED lights a bent mirror roof, and the phototransistor is small (0.05 mm) beside
-Lambertian sides (0.9), nearly all light arrives by chance. For responses cosine_power with exponents of 8 and 2, 40
-seeds of 4096 points state a median error of 3.5 to 5.8 %; the mean square of deviation / stated error is 2.2 to 2.6,
-and 82 % of the readings are within twice the stated error. A reading has a
-[note](howto/convergence.md#few-light-paths-carry-much-of-the-light) if one randomisation has more than half of the
-scatter: with 1024 points and an exponent of 2, this happened for 4 of 8 seeds.
+**Small phototransistors are noisy.** The test has an LED below a bent mirror roof, and a phototransistor of 0.05 mm
+beside Lambertian sides (0.9): nearly all light arrives by chance. For the response cosine_power with exponents of 8 and
+2, 40 seeds of 4096 points state a median error of 3.5 to 5.8 %. The mean square of deviation / stated error is 2.2 to
+2.6, and 82 % of the readings are within twice the stated error.
+
+A reading has a [note](howto/convergence.md#few-light-paths-carry-much-of-the-light) if one randomisation causes more
+than half of the scatter. With 1024 points and an exponent of 2, this happened for 4 of 8 seeds.
 """
 
 

@@ -26,61 +26,75 @@ _PAGE = """\
 
 For users who load pads to the limit, or use extreme shapes, materials and circuits.
 
-Written by `{command}`; do not edit by hand. In each case, the program must give a right result or refuse the case with
-a message. Processes that crashed or exceeded {seconds:g} s or {memory:g} GB are reported. `WRONG` marks a failure; the
-command then exits with 1.
+Each case is at the limit of what can be computed. The program must give a right result, or refuse the case with a
+message. `WRONG` marks a failure; the command then exits with 1.
+
+Written by `{command}`; do not edit by hand. Each case is measured in a separate process. Processes that crashed, or
+exceeded {seconds:g} s or {memory:g} GB, are reported.
 """
 
 _MECHANICS = """
 ## Mechanics
-Unless stated otherwise, the pad is that of the paper
-(3 x 3 parallelepiped cells, {silicone}) on elements of {mesh_size:g} mm. These elements are coarse: the table is
-about robustness, not accuracy. Forces are in N, and compression is z < 0. The rigid plate is the limit of a stiff layer
-bonded to the top. For comparison, the paper's solver stopped at tangential forces of 11 N
-(parallelepiped), 13 N (cylindrical), 8 N (spherical) and 13 N (hemispheric) at -8 N.
+The table has one row for each pad and load. It is about robustness, not accuracy: the elements are coarse
+({mesh_size:g} mm unless stated otherwise).
+
+Unless stated otherwise, the pad is that of the paper (3 x 3 parallelepiped cells, {silicone}). Forces are in N, and
+compression is z < 0. A rigid plate stands for a stiff layer bonded to the top. For comparison, the paper's solver
+stopped at tangential forces of 11 N (parallelepiped), 13 N (cylindrical), 8 N (spherical) and 13 N (hemispheric) at
+-8 N.
 
 {table}
 
-- **verdict**: `converged`; or `ends at` a load, with the reason (the pad touches something there, or no stable state
-  was found beyond it); or `refused`, with the message. `WRONG` is a case that should have been refused, a wrong
-  refusal, an accepted step with an inverted element, a NaN, forces out of balance, or a stated error below half of the
-  change on the finer mesh.
-- **Newton**, **steps**, **cutbacks**: number of Newton iterations over all accepted load steps; number of accepted
-  steps; number of steps that were halved (because no acceptable state was found, or for accuracy between steps) or
-  abandoned.
-- **min J**: smallest volume ratio J (Jacobian) at the quadrature points and the ten nodes of the elements, at any step
-  (the last step may lie beyond the load). **min J at nodes**: smallest J at the nodes in the last state, recomputed.
-  The last state is that under the whole load, or just before the end of the load path.
-- **residual**: largest out-of-balance force of any step, relative to the load. **imbalance**: difference between
-  reaction and load in the last state, which is interpolated between steps; the forces are reassembled.
-- **stability**: `stable` if the factored tangent had the expected number of negative pivots at every step, in each
-  block of the symmetric pad; `not checked` under friction.
-- **mean roof**: magnitude of the roofs' mean displacement. **stated error**: stated error of the displacement (root
-  mean square over the roofs), relative to **mean roof**; not computed with self_contact. **finer mesh**: relative
-  change of the mean displacement on elements 1.5 times smaller.
+- **verdict**: one of three outcomes.
+  - `converged`: the whole load was applied.
+  - `ends at` a load, with the reason: the pad touches something there, or no stable state was found beyond it.
+  - `refused`, with the message.
+
+  `WRONG` marks a case that should have been refused, a wrong refusal, an accepted step with an inverted element, a NaN,
+  forces out of balance, or a stated error below half of the change on the finer mesh.
+- **Newton**: number of Newton iterations over all accepted load steps.
+- **steps**: number of accepted load steps.
+- **cutbacks**: number of load steps that were abandoned or halved, because no acceptable state was found or for accuracy
+  between steps.
+- **min J**: smallest volume ratio J (Jacobian) at the quadrature points and nodes of the elements, at any step. The last
+  step may lie beyond the load.
+- **min J at nodes**: smallest J at the nodes in the last state, computed independently of the solver. The last state is
+  that under the whole load, or just before the end of the load path.
+- **residual**: largest out-of-balance force of any step, relative to the load.
+- **imbalance**: difference between reaction and load in the last state, which is interpolated between steps. The forces
+  are assembled independently of the solver.
+- **stability**: `stable` if the factored tangent matrix had the expected number of negative pivots at every step, in
+  each block of the symmetric pad; `not checked` under friction.
+- **mean roof**: magnitude of the roofs' mean displacement.
+- **stated error**: stated error of the displacement (root mean square over the roofs), relative to **mean roof**; not
+  computed with self_contact.
+- **finer mesh**: relative change of the mean displacement on elements 1.5 times smaller.
 - **CPU s**, **MB**: CPU time of all processors for the state with its error, and peak memory of the process.
 """
 
 
 _READINGS = """
 ## Readings
-Each reading is computed as a user would compute it, and compared with a reference value: rays counted by
-`analog_tracer`, or a scaling law. Some cases must be refused.
+The table has one row for each scene. Its reading is computed as a user would compute it, and compared with a reference
+value: rays counted by `analog_tracer`, or a scaling law. Some scenes must be refused.
 
 {table}
 
 - **verdict**: `right` if the reading is within {deviations:g} combined errors of the reference; `refused`, with the
   message. `WRONG` is a wrong reading, a reading that should have been refused, or a wrong refusal.
-- **power**, **error**: reading of the taxel that deviates most, and its relative standard error. **deviations**:
-  deviation from the reference, divided by the combined error.
+- **power**, **error**: reading of the taxel that deviates most, and its relative standard error.
+- **deviations**: deviation from the reference, divided by the combined error.
 - **CPU s**, **MB**: CPU time of all processors for both, and peak memory of the process.
 """
 
 
 _CIRCUITS = """
 ## Circuits
+The table has one row for each circuit and optical power. The reference voltage is the solution of Kirchhoff's current
+law at the emitter, computed with 60 decimal digits.
+
 Unless stated otherwise, the circuit has a supply of 3.3 V, a load resistance of 10 kOhm, a transfer of 8 mA/W and 12
-bits. The reference voltage is the solution of Kirchhoff's current law at the emitter, computed with 60 decimal digits.
+bits.
 
 {table}
 

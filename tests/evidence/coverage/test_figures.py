@@ -78,8 +78,8 @@ def test_the_course_is_compared_with_that_taken():
     case = figure_cases.figure_cases()[0]
     rows = [made_up_row(case, 1.0, course=course, strain=0.04) for course in (-0.17, 0.18, 0.36)]
     assert figures.courses([*rows, made_up_row(case, 1.0)]) == (
-        "The course is known for 3 scenes without random numbers, with strains up to 0.04: its median is 0.180 and its "
-        "maximum 0.36. Of these, 1 are within one and 2 within two of these standard deviations."
+        "The course is known for 3 scenes without random numbers, with strains up to 0.04. Its median magnitude is "
+        "0.180, and its largest 0.36. 1 of 3 courses are within one of these standard deviations, and 2 within two."
     )
 
 
