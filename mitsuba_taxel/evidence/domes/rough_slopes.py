@@ -1,11 +1,10 @@
-"""Table of `taxel bench rough`: slopes of the readings of single cells with rough walls, their errors and their CPU
-time."""
+"""Table of `taxel bench rough`: slopes of the readings of cells with rough walls, their errors and their CPU time."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -26,18 +25,46 @@ LOADS = (0.0, -0.1216, -0.415, -0.7084, -0.83)
 STEPS = {"finish": "layer_steps", "layer_height": 0.1}
 MIRROR = {"scattering": "rough_mirror", "rms_slope": 5.0}
 LAMBERTIAN = {"scattering": "lambertian", "reflectance": 0.9}
-CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any], int]] = {
-    "spherical, steps of 0.1 mm": ("spherical", LAMBERTIAN, STEPS, 4096),
-    "hemispheric, steps of 0.1 mm": ("hemispheric", LAMBERTIAN, STEPS, 16384),
-    "spherical, rough mirror of 5 degrees": ("spherical", MIRROR, {}, 4096),
-    "parallelepiped, rough mirror of 5 degrees": ("parallelepiped", MIRROR, {}, 4096),
+
+
+@dataclass(frozen=True)
+class RoughCase:
+    """Square pad whose walls are rough, and the number of light paths for its study.
+
+    Attributes
+    ----------
+    cell : str
+        Shape of the cells.
+    roof : dict
+        Parameters of the `wall` of the roof.
+    points : int
+        Number of light paths per taxel and replicate.
+    pad : dict
+        Other parameters of the pad, such as its finish.
+    side : int
+        Number of cells along each side of the pad. The force is proportional to the number of cells.
+    """
+
+    cell: str
+    roof: dict[str, Any]
+    points: int
+    pad: dict[str, Any] = field(default_factory=dict)
+    side: int = 1
+
+
+CASES: dict[str, RoughCase] = {
+    "spherical, steps of 0.1 mm": RoughCase("spherical", LAMBERTIAN, 18432, STEPS),
+    "spherical, steps of 0.1 mm, 3 x 3": RoughCase("spherical", LAMBERTIAN, 18432, STEPS, side=3),
+    "hemispheric, steps of 0.1 mm": RoughCase("hemispheric", LAMBERTIAN, 28672, STEPS),
+    "spherical, rough mirror of 5 degrees": RoughCase("spherical", MIRROR, 4096),
+    "parallelepiped, rough mirror of 5 degrees": RoughCase("parallelepiped", MIRROR, 4096, {"mesh_size": 0.6}),
 }
-"""Cell, roof, finish, and points by name."""
+"""Cases by name."""
 
 
 @dataclass(frozen=True)
 class RoughRow:
-    """Slopes of the reading of one cell with rough walls over the force, and their relative errors.
+    """Slope of a reading over the force in a pad with rough walls, and its relative errors, of the worst taxel.
 
     Attributes
     ----------
@@ -87,8 +114,9 @@ For users whose cells have a finish or rough mirrors, and who ask what a slope c
 
 Written by `{command}`; do not edit by hand.
 
-Each row is a study of one cell over five loads from 0 to -0.83 N, on elements of the default size. The LED emits 1 W,
-all walls except the roof absorb, and Lambertian roofs reflect 90 %. All errors are relative.
+Each row is a study of one cell, or of 3 x 3 cells, over five loads from 0 to -0.83 N per cell. Elements have the
+default size; those of the parallelepiped 0.6 mm. The LED emits 1 W, all walls except the roof absorb, and Lambertian roofs
+reflect 90 %. All errors are relative, and those of the worst taxel.
 
 {table}
 
@@ -108,28 +136,33 @@ def rough_slopes(starting: Callable[[str], None] | None = None) -> Iterator[Roug
     """Measure slopes of cells with rough walls, and yield a row for each case; ``starting`` is called with the name of
     a case before it is measured.
     """
-    for case, (cell, roof, finish, points) in CASES.items():
+    for name, case in CASES.items():
         if starting:
-            starting(case)
-        yield _row(case, lambda load: dome_scene(cell, roof, force=[0.0, 0.0, load], **finish), points)  # noqa: B023
+            starting(name)
+        yield _row(name, case)
 
 
-def _row(case: str, scene: Callable[[float], Scene], points: int) -> RoughRow:
+def _row(name: str, case: RoughCase) -> RoughRow:
+    def scene(load: float) -> Scene:
+        return dome_scene(case.cell, case.roof, case.side, force=[0.0, 0.0, load], **case.pad)
+
+    loads = [case.side**2 * load for load in LOADS]
     start = time.process_time()
-    study = sweep(scene(LOADS[-1]), {"fz": list(LOADS)}, points=points, derivatives=["fz"])
+    study = sweep(scene(loads[-1]), {"fz": loads}, points=case.points, derivatives=["fz"])
     seconds = time.process_time() - start
     mean, largest = curve_errors(study)
     reading = float((study.standard_error / study.power).max())
-    slope = float(mean.value[0])
+    worst = int(np.argmax(np.hypot(mean.relative[0], mean.relative[2])))
+    slope = float(mean.value[worst])
     ends = []
-    for load in (LOADS[0], LOADS[-1]):
+    for load in (loads[0], loads[-1]):
         run = Run(prepare(scene(load)), 0)
-        run.extend_to(points)
-        ends.append(run.powers[:, 0])
-    plain = float(standard_error(ends[1] - ends[0])) / abs(LOADS[-1] * slope)
-    light, _, shape = mean.relative[:, 0]
-    of_largest = float(np.hypot(*largest.relative[:2, 0]))
-    return RoughRow(case, points, reading, 1e6 * slope, float(light), float(shape), of_largest, seconds, plain)
+        run.extend_to(case.points)
+        ends.append(run.powers[:, worst])
+    plain = float(standard_error(ends[1] - ends[0])) / abs(loads[-1] * slope)
+    light, _, shape = map(float, mean.relative[:, worst])
+    of_largest = float(np.hypot(*largest.relative[:2]).max())
+    return RoughRow(name, case.points, reading, 1e6 * slope, light, shape, of_largest, seconds, plain)
 
 
 def write_page(rows: Sequence[RoughRow], file: Path, command: str) -> None:

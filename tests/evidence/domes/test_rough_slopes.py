@@ -8,7 +8,8 @@ from mitsuba_taxel.evidence.domes import rough_slopes
 def test_rows_and_page(monkeypatch, tmp_path):
     coarse = {"finish": "layer_steps", "layer_height": 0.2, "mesh_size": 2.5}
     monkeypatch.setattr(rough_slopes, "LOADS", (0.0, -0.2, -0.6, -0.8))
-    monkeypatch.setattr(rough_slopes, "CASES", {"a cell": ("spherical", rough_slopes.LAMBERTIAN, coarse, 256)})
+    case = rough_slopes.RoughCase("spherical", rough_slopes.LAMBERTIAN, 256, coarse)
+    monkeypatch.setattr(rough_slopes, "CASES", {"a cell": case})
     (row,) = rough_slopes.rough_slopes()
     assert row.points == 256 and 0 < row.reading < 0.02
     assert 3 * row.light < row.plain and row.light < row.largest < 1
