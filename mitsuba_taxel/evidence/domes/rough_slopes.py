@@ -115,8 +115,8 @@ For users whose cells have a finish or rough mirrors, and who ask what a slope c
 Written by `{command}`; do not edit by hand.
 
 Each row is a study of one cell, or of 3 x 3 cells, over five loads from 0 to -0.83 N per cell. Elements have the
-default size; those of the parallelepiped 0.6 mm. The LED emits 1 W, all walls except the roof absorb, and Lambertian roofs
-reflect 90 %. All errors are relative, and those of the worst taxel.
+default size; those of the parallelepiped 0.6 mm. The LED emits 1 W, all walls except the roof absorb, and Lambertian
+roofs reflect 90 %. All errors are relative, and those of the worst taxel.
 
 {table}
 
