@@ -10,6 +10,11 @@ from .contact_export import write_contact_model as write_contact_model
 from .contact_fit import contact_model as contact_model
 from .contact_readings import ContactModel as ContactModel
 from .contact_readings import ContactReadings as ContactReadings
+from .imperfect import ImperfectPads as ImperfectPads
+from .imperfect import ImperfectReadings as ImperfectReadings
+from .imperfect import PadSpread as PadSpread
+from .imperfect import read_spread as read_spread
+from .memory import PadMemory as PadMemory
 from .onnx_model import export as export
 from .onnx_model import write_calibration as write_calibration
 from .polynomial import (

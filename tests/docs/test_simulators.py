@@ -37,8 +37,8 @@ def page(tmp_path, monkeypatch):
     write_contact_model(replace(linear_model(), places=np.array([[-1.0, -1.0], [1.0, 1.0]])), "contact.npz")
     names: dict = {}
     blocks = dict(BLOCK.findall(PAGE.read_text(encoding="utf-8")))
-    for caption in ("depth_maps.py", "tactile.py", "contacts.py"):
-        exec(blocks[caption], names)
+    for caption in ("depth_maps.py", "tactile.py", "contacts.py", "imperfect.py"):
+        exec(blocks[caption].replace("PADS, STEP = 4096", "PADS, STEP = 3"), names)
     return names
 
 
@@ -100,3 +100,17 @@ def test_contacts_of_a_ball_give_its_depth(page, ball):
     data.qpos[2] += 0.1
     mujoco.mj_forward(model, data)
     assert data.ncon == 0 and (page["contact_depth"](model, data, "pad", ball[0]) < 0).all()
+
+
+def test_imperfect_pads_observe_counts_and_relaxing_forces(page):
+    pad, depth = page["pad"], np.full((3, 11, 11), -1.0)
+    depth[:2, 4:7, 4:7] = 0.1
+    for _ in range(200):
+        counts, force = page["observe"](depth)
+    perfect = pad(depth)
+    assert counts.shape == (3, 2) and np.abs(counts[2] - 500 * pad.rest / (5 / 4096)).max() < 3
+    relaxed = 0.8 + 0.1 * np.exp(-2 / 0.5) + 0.1 * np.exp(-2 / 5)
+    np.testing.assert_allclose(force[:, 2], relaxed * perfect.force[:, 2], rtol=0.01)
+    depth[0] = np.nan
+    counts, force = page["observe"](depth)
+    assert (counts[0] == -1).all() and np.isnan(force[0]).all() and (counts[1:] >= 0).all()

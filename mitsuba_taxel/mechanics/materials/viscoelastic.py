@@ -160,7 +160,23 @@ class Elastic(Viscoelastic):
 
 
 def checked_terms(prony: object) -> Terms:
-    """The terms of a Prony series as pairs of numbers; raises `InputError` if they are not allowed."""
+    """Check the terms of a Prony series.
+
+    Parameters
+    ----------
+    prony : sequence of (float, float)
+        Pairs of a weight and a relaxation time in s.
+
+    Returns
+    -------
+    tuple[tuple[float, float], ...]
+        The pairs.
+
+    Raises
+    ------
+    InputError
+        if they are no such pairs, a number is not above 0, or the weights add up to 1 or more.
+    """
 
     def is_pair(term: object) -> bool:
         return is_row(term, is_number) and len(term) == 2  # type: ignore[arg-type]
