@@ -396,7 +396,10 @@ class DesignEvaluator:
 
     def _shape(self, design: Design) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
         """Figures of the pads' dimensions, and their derivatives with respect to each variable in the unit cube, by
-        name."""
+        name; all are empty if no figure of the study is one of dimensions."""
+        if not any(figure.kind in SHAPE for figure in self._plan.figures):
+            none = {name: np.zeros(0) for name in SHAPE}
+            return none, [none] * len(self._names)
         rates = []
         for number in range(len(self._names)):
             if not self._has(design)[number]:
