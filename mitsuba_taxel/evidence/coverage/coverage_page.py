@@ -97,8 +97,9 @@ _PROBABILITIES = """
 
 **{summary}**
 
-`taxel compare` ranks three synthetic variants of a sensor, with errors as above, by one figure of merit and with a limit
-on another. Two events are counted: a variant is the best (**first**), and a variant meets the limit (**allowed**).
+`taxel compare` ranks three synthetic variants of a sensor, with errors as above, by one figure of merit and with a
+limit on another. Two events are counted: a variant is the best (**first**), and a variant meets the limit
+(**allowed**).
 
 The table has one row for each event and each range of stated probabilities. It compares the stated probability with the
 observed frequency:

@@ -89,9 +89,9 @@ fifth of the scenes have reflecting sides. The ranges are fixed since then; a te
 ## Reference values
 
 A reference value is the figure of merit of readings that are extrapolated to elements of size 0. The extrapolation
-uses two meshes. The finer one has elements of {fine:g} mm or less, and at most 1/1.41 of the size in the sweep to 0.1 %;
-the elements of the other are 1.41 times as large. The error is assumed to fall with the power {order:g} of the element
-size.
+uses two meshes. The finer one has elements of {fine:g} mm or less, and at most 1/1.41 of the size in the sweep to
+0.1 %; the elements of the other are 1.41 times as large. The error is assumed to fall with the power {order:g} of the
+element size.
 
 **Smaller elements for one kind of scene.** Spherical cells with an isotropic roof need elements of {fine_rim:g} mm or
 less. Such a roof bends into the cell along its rim, where points of the roof do not see each other; larger elements do

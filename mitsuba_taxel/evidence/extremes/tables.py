@@ -54,10 +54,10 @@ stopped at tangential forces of 11 N (parallelepiped), 13 N (cylindrical), 8 N (
   forces out of balance, or a stated error below half of the change on the finer mesh.
 - **Newton**: number of Newton iterations over all accepted load steps.
 - **steps**: number of accepted load steps.
-- **cutbacks**: number of load steps that were abandoned or halved, because no acceptable state was found or for accuracy
-  between steps.
-- **min J**: smallest volume ratio J (Jacobian) at the quadrature points and nodes of the elements, at any step. The last
-  step may lie beyond the load.
+- **cutbacks**: number of load steps that were abandoned or halved, because no acceptable state was found or for
+  accuracy between steps.
+- **min J**: smallest volume ratio J (Jacobian) at the quadrature points and nodes of the elements, at any step. The
+  last step may lie beyond the load.
 - **min J at nodes**: smallest J at the nodes in the last state, computed independently of the solver. The last state is
   that under the whole load, or just before the end of the load path.
 - **residual**: largest out-of-balance force of any step, relative to the load.

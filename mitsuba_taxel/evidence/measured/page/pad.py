@@ -38,46 +38,51 @@ def pad_section(results: PadComparison, pictures: Path) -> str:
 ![Force against travel, and change of the voltage against force](validation/pressed.png)
 
 *Marks are measured, lines are computed.* A pad of 5 x 5 cells with photo-reflectors NJL5908AR was pressed slowly at its
-taxels {taxels}. The height of the pad, its silicone and the indenter are not published.
+taxels {taxels}. The model is fitted to taxel {fitted} alone; it predicts the other taxels.
 
-**Fitted to taxel {fitted} alone.** The following unknowns are fitted to the force and the reading of this taxel at
-{points} travels. The fit needed {tried} finite-element load paths; the best modulus for each has a closed form, because
-forces are proportional to the modulus. The record begins when the robot detects the contact; the travel from the first
-contact to this moment is fitted as well:
+**Fit.** The height of the pad, its silicone and the indenter are not published. The following unknowns are fitted to
+the force and the reading of taxel {fitted} at {points} travels:
 
 {markdown_table(["unknown", "value"], _unknowns(results))}
 
+The last unknown is needed because the record begins when the robot detects the contact. The fit computed {tried} load
+paths by finite elements. For each of them, the best modulus has a closed form, because forces are proportional to it.
+
 {paragraph(_valley(results))}
 
-The indenter is modelled as a ball of that radius without friction, and the silicone as neo-Hookean with nu = 0.49.
-The rigid grid has collars that reach {collar} into the cells and hold the walls between them. In the model, the walls
-are glued to the tops of the collars, {collar} above the dies and {below:g} mm below the roofs. The grid is
-opaque except for windows of {measured.WINDOW:g} mm. Roofs reflect isotropically and all other surfaces absorb, as in
-the paper; the LED is Lambertian. The model leaves out the silicone around the grid below the tops of the collars,
-friction, gaps beside the collars, light through the silicone, and compliance of the robot. Voltages are compared
-relative to rest: the circuit is linear up to 3 V of its 3.3 V, so no
-gain is needed, and no reading comes near saturation.
+**Model.**
+
+- The indenter is a ball of the fitted radius, without friction. The silicone is neo-Hookean with nu = 0.49.
+- The rigid grid has collars that reach {collar} into the cells and hold the walls between them. In the model, the walls
+  are glued to the tops of the collars, {collar} above the dies and {below:g} mm below the roofs.
+- The grid is opaque except for windows of {measured.WINDOW:g} mm. Roofs reflect isotropically and all other surfaces
+  absorb, as in the paper. The LED is Lambertian.
+- Voltages are compared relative to rest. The circuit is linear up to 3 V of its 3.3 V, so no gain is needed, and no
+  reading comes near saturation.
+
+Not modelled are the silicone around the grid below the tops of the collars, friction, gaps beside the collars, light
+through the silicone, and compliance of the robot.
 
 {"".join(_pressed(taxel, compared) for taxel, compared in results.taxels.items())}
-{paragraph(_spread(results))}
+{_spread(results)}
 
 {paragraph(_errors(results))}
 
 ### All taxels
 ![Changes of all taxels while taxel 13 is held](validation/map.png)
 
-While taxel {fitted} is held at {measured.HELD_AT:g} mm, its voltage changes by {hold_change}. The table has the
-changes of all taxels in percent of this change, arranged as on the board: measured / computed (at {MAP_TRAVEL:g} mm)
-± one standard deviation, which is explained below:
+{paragraph(_map_words(results))}
+
+While taxel {fitted} is held at {measured.HELD_AT:g} mm, its voltage changes by {hold_change}. The table shows the
+changes of all taxels in percent of this change, arranged as on the board. A cell has the measured change / the computed
+change (at {MAP_TRAVEL:g} mm) ± one standard deviation, which is explained below:
 
 {markdown_table(heads, _map_rows(results))}
 
-Fitted to the asymmetry of the four nearest taxels: the indenter is {x} along x and {y} along y away from the middle of
-taxel {fitted}. All else in the map is predicted.
+Only the position of the indenter is fitted to this map, namely to the asymmetry of the four nearest taxels: {x} along x
+and {y} along y from the middle of taxel {fitted}. All else in the map is predicted.
 
-{paragraph(_map_words(results))}
-
-{paragraph(_band_words(results))}
+{_band_words(results)}
 """
 
 
@@ -90,7 +95,7 @@ def _unknowns(results: PadComparison) -> list[list[str]]:
         ["height of the silicone above the dies", f"{height} mm"],
         ["radius of the end of the indenter", f"{radius} mm"],
         ["Young's modulus", f"{results.found.modulus:.3g} MPa"],
-        ["travel from the first contact to where the record begins", f"{late} mm"],
+        ["travel from the first contact to the start of the record", f"{late} mm"],
     ]
 
 
@@ -103,13 +108,13 @@ def _valley(results: PadComparison) -> str:
         if (height, radius) != best and misfit < ALIKE * results.found.misfit
     ]
     alike = (
-        f" Other pairs of height and radius fit nearly as well: {', '.join(alternatives)}. So the data hardly "
-        "determine height and radius separately."
+        f" Other pairs of height and radius fit nearly as well: {', '.join(alternatives)}. The data hardly determine "
+        "height and radius separately."
         if alternatives
         else ""
     )
     misfit = f"{100 * results.found.misfit:.1f} %"
-    return f"Root mean square of the residuals, relative to the largest values: {misfit}.{alike}"
+    return f"The root mean square of the residuals, relative to the largest values, is {misfit}.{alike}"
 
 
 def _pressed(taxel: int, compared: TaxelComparison) -> str:
@@ -136,13 +141,13 @@ def _pressed(taxel: int, compared: TaxelComparison) -> str:
     )
     kind = "fitted" if fitted else "predicted"
     return f"""\
-**Taxel {taxel}, {kind}.** The table compares forces at equal travel, and changes of the voltage at equal force. Changes
-are in percent of the voltage at rest, {measured.PRESSES[taxel].at_rest:g} V; differences are in percent of the largest
-measured value:
+{paragraph(f"**Taxel {taxel}, {kind}.** {verdicts}{end}")}
+
+The table has a row for each travel. It compares forces at equal travel, and changes of the voltage at equal force.
+Changes are in percent of the voltage at rest, {measured.PRESSES[taxel].at_rest:g} V. Differences are in percent of the
+largest measured value:
 
 {markdown_table(heads, rows)}
-
-{paragraph(verdicts + end)}
 
 """
 
@@ -163,17 +168,24 @@ def _spread(results: PadComparison) -> str:
     ).T
     at_rest = np.array([measured.PRESSES[taxel].at_rest for taxel in results.taxels])
     volts = changes * [at_rest, np.full(len(at_rest), measured.PRESSES[measured.PRESSED].at_rest)]
-    bench, model = (" / ".join(f"{100 * value:.1f}" for value in values) for values in changes)
-    volts_there, volts_here = (" / ".join(f"{value:.3f}" for value in values) for values in volts)
-    return (
-        f"At {at:.2f} N, the voltages of taxels {' / '.join(map(str, results.taxels))} change by {bench} % (measured) "
-        f"and {model} % (computed) of their values at rest. In the model, all parts and their positions in the cells "
-        "are equal, and the indenter is above the middle of each predicted taxel, because its true position is not "
-        f"known. In volts, the changes are {volts_there} V (measured) and {volts_here} V (computed, with the rest "
-        f"voltage of taxel {measured.PRESSED} for all). "
-        f"The deviations are {' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in volts.T)} % in volts, and "
-        f"{' / '.join(f'{100 * (b / a - 1):+.0f}' for a, b in changes.T)} % relative to rest. A part with another "
-        f"gain would change the voltage at rest and its change by the same factor. {_light_at_rest(changes, volts)}"
+    rows = []
+    for label, (bench, model), digits in (("relative to rest [%]", 100 * changes, 1), ("in volts [V]", volts, 3)):
+        for words, values in ((f"measured, {label}", bench), (f"computed, {label}", model)):
+            rows.append([words, *(f"{value:.{digits}f}" for value in values)])
+        rows.append([f"deviation, {label.split(' [')[0]} [%]", *(f"{100 * value:+.0f}" for value in model / bench - 1)])
+    model_words = (
+        "In the model, all parts and their positions in the cells are equal. The indenter is above the middle of each "
+        f"predicted taxel, because its true position is not known. The voltage at rest of taxel {measured.PRESSED} is "
+        "used for all computed volts."
+    )
+    return "\n\n".join(
+        [
+            f"**Differences between taxels.** The table compares the taxels at {at:.2f} N, a force that all reach. It "
+            "shows the change of the voltage in two ways:",
+            markdown_table(["change", *(f"taxel {number}" for number in results.taxels)], rows),
+            paragraph(model_words),
+            paragraph(_light_at_rest(changes, volts)),
+        ]
     )
 
 
@@ -183,13 +195,13 @@ def _light_at_rest(changes: np.ndarray, volts: np.ndarray) -> str:
     relative_error, volt_error = (float(np.abs(values[1] / values[0] - 1).max()) for values in (changes, volts))
     if volt_error >= relative_error:
         return (
-            "Changes in volts deviate no less than those relative to rest, so light at rest does not explain the "
-            "deviations."
+            "Light at rest does not explain the deviations: the changes in volts deviate no less than those relative "
+            "to rest."
         )
     return (
-        "As the changes in volts deviate less than those relative to rest, the taxels may differ in a part of their "
-        "light at rest that the load does not change; three taxels do not prove it. The model has no such light, "
-        "because only roofs reflect."
+        "The taxels may differ in a part of their light at rest that the load does not change. The model has no such "
+        "light, because only roofs reflect. This explanation fits because changes in volts deviate less than changes "
+        "relative to rest; a part with another gain would change both by the same factor. Three taxels do not prove it."
     )
 
 
@@ -212,17 +224,17 @@ def _errors(results: PadComparison) -> str:
     shares = (100 * np.abs(state.change_error / state.change)).values.reshape(bench_pad.SIDE, bench_pad.SIDE)
     middle, nearby = shares[bench_pad.SIDE // 2, bench_pad.SIDE // 2], ring(shares, 1)
     text = (
-        f"Stated errors of the computation while taxel {measured.PRESSED} is held, from a second mesh and the noise of "
-        f"the light, are {force:.1f} % of the force, {middle:.1f} % of the change, and {nearby:.1f} % of the changes "
-        "of its neighbours."
+        f"**Numerical errors.** While taxel {measured.PRESSED} is held, the stated errors of the computation are "
+        f"{force:.1f} % of the force, {middle:.1f} % of the change of its voltage, and {nearby:.1f} % of the changes "
+        "of its neighbours. They come from a second mesh and the noise of the light."
     )
     finer = results.finer.isel(travel=-1)
     rise = 100 * float(finer.force / state.force - 1)
     change = 100 * float((finer.change / state.change).sel(taxel=measured.PRESSED) - 1)
     return (
-        f"{text} On elements of {FINER:g} mm instead of {bench_pad.MESH_SIZE:g} mm the force differs by "
-        f"{rise:+.1f} %, and the change by {change:+.1f} %. The fitted height compensates an error that is "
-        f"proportional to the change."
+        f"{text} On elements of {FINER:g} mm instead of {bench_pad.MESH_SIZE:g} mm, the force differs by "
+        f"{rise:+.1f} % and the change by {change:+.1f} %. The fitted height compensates errors that are proportional "
+        "to the change."
     )
 
 
@@ -248,9 +260,9 @@ def _map_words(results: PadComparison) -> str:
         else (f"All are within the target of {MAP_TARGET:g} points")
     )
     return (
-        f"The largest difference is {difference[worst]:+.0f} points, in {site}; among the eight neighbours it is "
-        f"{neighbours.max():.0f}. {verdict}. Without the offset the largest difference would be {centred:.0f}. "
-        f"{_widest(results)}"
+        f"{verdict}. The largest difference is {difference[worst]:+.0f} points, in {site}; among the eight neighbours "
+        f"it is {neighbours.max():.0f}. Without the offset of the indenter, the largest difference would be "
+        f"{centred:.0f}. {_widest(results)}"
     )
 
 
@@ -264,23 +276,27 @@ def _band_words(results: PadComparison) -> str:
         f"{ratio:.1f} ({100 * limits.chance(ratio):.0f} %)" for ratio in np.sort(times[difference > MAP_TARGET])
     ]
     beyond = (
-        f" The taxels beyond the target deviate by {', '.join(beyond_list)} times the ±; in brackets are probabilities "
-        f"of such a deviation or a larger one, from Student's distribution, because {len(limits.own)} taxels determine "
-        "a spread poorly."
+        f"The taxels beyond the target deviate by {', '.join(beyond_list)} times the ±. In brackets is the probability "
+        "of such a deviation or a larger one, from Student's distribution, because "
+        f"{len(limits.own)} taxels determine a spread poorly. "
         if beyond_list
         else ""
     )
-    return (
-        f"When they are pressed themselves, taxels {' / '.join(map(str, limits.own))} change {shares} times as much as "
-        f"computed: their sensitivities differ by {100 * limits.spread:.0f} % (one standard deviation). A number of "
-        "the map is a ratio of two taxels. Its standard deviation, the ± of the table, is therefore larger by the "
-        "square root of two, and includes the rounding of the measured values. With these standard deviations, "
-        f"{limits.expected_beyond(MAP_TARGET):.1f} taxels should deviate by more than {MAP_TARGET:g} points, and all "
-        "taxels of an otherwise exact model would be within the target with a probability of only "
-        f"{100 * limits.chance_of_none_beyond(MAP_TARGET):.1f} %.{beyond} The largest deviation in units of ± is "
-        f"{times[row, column]:.1f} ({100 * limits.chance(times[row, column]):.0f} %), of the taxel in row {row + 1}, "
-        f"column {column + 1}, whose voltage hardly changes."
+    sentences = (
+        "**Standard deviation in the map.** It is due to the spread of the taxels: when they are pressed themselves, "
+        f"taxels {' / '.join(map(str, limits.own))} change {shares} times as much as computed. So their sensitivities "
+        f"differ by {100 * limits.spread:.0f} % (one standard deviation). A number of the map is a ratio of two "
+        "taxels, so that its standard deviation is larger by the square root of two. It includes the rounding of the "
+        "measured values.",
+        "**Is the target realistic?** Even if the model were exact otherwise, "
+        f"{limits.expected_beyond(MAP_TARGET):.1f} taxels should deviate by more than {MAP_TARGET:g} points "
+        "because of this spread. All taxels would be within "
+        f"the target with a probability of only {100 * limits.chance_of_none_beyond(MAP_TARGET):.1f} %.",
+        f"{beyond}The largest deviation in units of ± is {times[row, column]:.1f} "
+        f"({100 * limits.chance(times[row, column]):.0f} %), of the taxel in row {row + 1}, column {column + 1}, whose "
+        "voltage hardly changes.",
     )
+    return "\n\n".join(map(paragraph, sentences))
 
 
 def _widest(results: PadComparison) -> str:
