@@ -89,16 +89,18 @@ def _vcnt2020(pictures: Path) -> str:
 ## VCNT2020 under a mirror
 ![Current against the height of the mirror](validation/vcnt2020.png)
 
-**Fitted:** the size of the dies and their depth under the windows, to the distance curve of the datasheet. The
-table has the current in percent of its maximum:
+The largest difference between the computed and the measured current is {100 * (model - sheet)[worst]:+.1f} % of the
+peak, at {heights[worst]:g} mm. Beyond 4 mm the computed current is too {"low" if deficit > 0 else "high"} by
+{abs(deficit):.0f} %.
+
+**Fitted:** the size of the dies and their depth under the windows, to the distance curve of the datasheet.
+The table has a row for each height of the mirror. It shows the current in percent of its maximum:
 
 {markdown_table(["height [mm]", "datasheet", "computed", "difference"], rows)}
 
-The largest difference is {100 * (model - sheet)[worst]:+.1f} % of the peak, at {heights[worst]:g} mm. Beyond 4 mm the
-computed current is too {"low" if deficit > 0 else "high"} by {abs(deficit):.0f} %.
-
-Predicted, without a measurement: position of the edge of a mirror at {EDGE_HEIGHT:g} mm, from the centre of the
-body, for 10, 50 and 90 % of the current (`taxel parts vcnt2020 --edges {EDGE_HEIGHT:g}`):
+**Predicted,** but not measured: where the edge of a mirror is when it passes over the part (`taxel parts vcnt2020
+--edges {EDGE_HEIGHT:g}`). The mirror is at a height of {EDGE_HEIGHT:g} mm. The table has a row for each direction of
+the motion. It shows the position of the edge, from the centre of the body, at 10, 50 and 90 % of the current:
 
 {markdown_table(["along", "10 % [mm]", "50 % [mm]", "90 % [mm]"], edges)}
 """
@@ -141,27 +143,40 @@ def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:
 
 *From the least to the most sensitive taxel of a pad.*
 
-The table has results of loading cycles on the nominal pad of nine cells, with the force per cell of the experiments (10
-N on 12 cells) and their rate. Nothing is fitted to the paper's tables. The electronics are those of the pad above
-({electronics}), and the power of the LEDs is such that the mean voltage at rest is the same,
-{measured.REST_VOLTAGE:g} V. The Prony series is that fitted above, possibly of another silicone, with the paper's
-modulus as the long-term modulus. Slopes are means from 0 to 10 N; e_nl is the nonlinearity and e_h the hysteresis.
+The most sensitive taxels reach {shares} of the measured sensitivities (flat, spherical and hemispheric cells).
+The viscoelastic loop of the parallelepiped is {hysteresis} % as wide as the measured one. Nothing is fitted to the
+paper's tables.
+
+### Normal forces
+The table has a row for each shape of cell. A range of sensitivities (mV/N) is from the least to the most sensitive
+taxel; a sensitivity is a mean slope from 0 to 10 N. e_nl is the nonlinearity and e_h the hysteresis:
 
 {markdown_table(heads, rows)}
 
-The most sensitive taxels reach {shares} of the measured sensitivities (flat, spherical and hemispheric cells). The
-spread between taxels does not include the tolerances of boards and moulds ([tolerances](tutorials/tolerances.md)). The
-viscoelastic loop of the parallelepiped is {hysteresis} % as wide as the measured one. Ratios are not resolved where
-readings change by little more than their error: under 10 N the reading of a hemispheric cell falls and rises again. The
-steps of printed moulds, to which the authors attribute the nonlinearity of round cells, are not part of this table;
-[printed moulds](mould.md) has them, one factor at a time.
+A ratio is not resolved where readings change by little more than their error: under 10 N, the reading of a hemispheric
+cell falls and rises again.
 
-The last table compares with Table 3: tangential forces along x and y, at a normal force of 10 N on 12 cells, with the
-same circuit. Tangential forces are computed up to {FORCES[-1] / PER_FORCE:g} N on 12 cells, because the paper does not
-state their range. The pads are elastic, with the paper's modulus. The computed value is that of the most sensitive
-taxel; the experiments used the taxel with the largest sensitivity to normal forces:
+The computed values are results of loading cycles:
+
+- The pad is the nominal pad of nine cells. The force per cell (10 N on 12 cells) and the rate are those of the
+  experiments.
+- The electronics are those of the pad above ({electronics}). The power of the LEDs is such that the mean
+  voltage at rest is the same, {measured.REST_VOLTAGE:g} V.
+- The Prony series is that fitted above, possibly of another silicone. The paper's modulus is the long-term modulus.
+
+Not modelled are the tolerances of boards and moulds ([tolerances](tutorials/tolerances.md)), and the steps of printed
+moulds. The authors attribute the nonlinearity of round cells to these steps; [printed moulds](mould.md) has them, one
+factor at a time.
+
+### Tangential forces
+The table compares with Table 3 of the paper. It has a row for each shape of cell, and the sensitivities to forces along
+x and y, at a normal force of 10 N on 12 cells. The computed value is that of the most sensitive taxel; the experiments
+used the taxel with the largest sensitivity to normal forces:
 
 {markdown_table(sideways_heads, _sideways(store, cycles))}
+
+The circuit is that of the first table. The pads are elastic, with the paper's modulus. Tangential forces are computed
+up to {FORCES[-1] / PER_FORCE:g} N on 12 cells, because the paper does not state their range.
 """
 
 

@@ -22,11 +22,14 @@ def assumptions_section(results: PadComparison, tried: Mapping[str, AssumptionRe
     rows += [[name, *_errors(outcome.fitted), *_shown(outcome.rings)] for name, outcome in tried.items()]
     return f"""\
 ### Other assumptions
-The following properties are not published. The assumptions about them are changed one at a time. The height and the
-indenter are those found above; the modulus and the start of the record are fitted again. The columns *force* and
-*change* have the largest differences between computed and measured values, as above. The other columns have means of
-the map over all taxels at the same distance from taxel {fitted}, by this distance in pitches. The means hardly depend
-on the position of the indenter, which is above the middle in these computations.
+Some properties of the pad are not published. The table shows the effect of other assumptions about them. Each row has
+one assumption that is changed, except for the rows *measured* and *as above*. The height and the indenter are those
+found above; the modulus and the start of the record are fitted again.
+
+- The columns *force* and *change* have the largest differences between computed and measured values, as above.
+- A column with a number has means of the map. The number is a distance from taxel {fitted} in pitches; the mean is that
+  of all taxels at this distance. These means hardly depend on the position of the indenter, which is above the middle
+  in these computations.
 
 {markdown_table(heads, rows)}
 
@@ -46,12 +49,14 @@ def _own(results: PadComparison) -> str:
     """Sentences that compare two errors of the worst predicted taxel: in the map of all taxels, and when the taxel
     itself is pressed."""
     actual, computed, expected = expected_at(results)
-    times = f"When it is pressed itself, taxel {PREDICTED} changes {expected / computed:.2f} times as much as computed"
+    times = f"When it is pressed itself, it changes {expected / computed:.2f} times as much as computed"
     if abs(expected - actual) >= abs(computed - actual):
-        return f"{times}, but not so in the map while taxel {measured.PRESSED} is pressed."
+        return (
+            f"**Taxel {PREDICTED}.** {times}, but not so in the map while taxel {measured.PRESSED} is pressed."
+        )
     return (
-        f"{times}. The same factor holds in the map, while taxel {measured.PRESSED} is pressed: it turns the computed "
-        f"change of {computed:.0f} into {expected:.0f}, and {actual:.0f} was measured. So the deviation is a property "
-        "of the taxel, wherever the pad is pressed, and not an error of the deformation; in the model all taxels are "
-        "equal."
+        f"**Taxel {PREDICTED}** deviates in the same way wherever the pad is pressed. {times}. The same factor holds "
+        f"in the map, while taxel {measured.PRESSED} is pressed: it turns the computed change of {computed:.0f} into "
+        f"{expected:.0f}, and {actual:.0f} was measured. So the deviation is a property of the taxel, and not an error "
+        "of the deformation. In the model, all taxels are equal."
     )

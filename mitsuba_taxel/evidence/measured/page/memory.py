@@ -60,34 +60,42 @@ def memory_section(fit: PronyFit, pictures: Path) -> str:
 ## The same pad: hold, release and loop
 ![Voltage after release, and force during the hold](validation/memory.png)
 
-This section uses the pad and the indenter found above, now with viscoelastic silicone; the light is computed for each
-state of the pad. The modulus found above is the long-term modulus, because the pad was pressed slowly. Errors are those
-of the computation: the difference from elements of {FINER:g} mm, the estimated error of the time steps, and the noise
-of the light.
+This section uses the pad and the indenter found above, now with viscoelastic silicone. The modulus found above is the
+long-term modulus, because the pad was pressed slowly. The light is computed for each state of the pad.
 
-**Fitted to the voltage after release alone.** The fitted weights of three relaxation times are {series}; the fit needed
-{fit.paths} finite-element load paths. In the computation, the indenter is withdrawn instantly. In the measurement, this
-takes time, so that the first weight is due to the withdrawal as much as to the silicone. The table has the change of
-the voltage that remains after release, in percent of the change during the hold:
+Errors (±) are those of the computation: the difference from elements of {FINER:g} mm, the estimated error of the time
+steps, and the noise of the light.
+
+### Voltage after release, fitted
+The largest difference between computed and measured voltages is {worst:.0f} % of the measured value. Only these
+voltages are fitted.
+
+The fitted weights of three relaxation times are {series}. The fit needed {fit.paths} load paths by finite elements. In
+the computation, the indenter is withdrawn instantly. In the measurement, this takes time, so that the first weight is
+due to the withdrawal as much as to the silicone.
+
+The table has a row for each time after release. It shows the change of the voltage that remains, in percent of the
+change during the hold:
 
 {markdown_table(["s after release", "measured", "fitted"], tail_rows)}
 
-The largest difference is {worst:.0f} % of the measured value.
+### Force during the hold, predicted
+{paragraph(_hold_words(fit, forces, scatters))}
 
-**Predicted:** the force during the hold, relative to the force at its end. The errors of measured values are the
-scatter within each time window.
+The table has a row for each time window, in seconds after the travel was reached. It shows the force relative to the
+force at the end of the hold. The errors of measured values are the scatter within the window:
 
 {markdown_table(["s", "measured", "computed"], hold_rows)}
 
-{paragraph(_hold_words(fit, forces, scatters))}
+### Hysteresis loops, predicted
+{_loop_words(fit)}
 
-**Predicted:** a loading cycle to {travel} in {duration}. The table has the widths of the hysteresis loops in percent of
-the largest force or change, and the energy loss in percent of the energy of loading. The last column is for an elastic
-pad under an indenter with an assumed coefficient of friction of {FRICTION:g}; its error is not computed:
+The table has the results of a loading cycle to {travel} in {duration}. A row has the width of a hysteresis loop, in
+percent of the largest force or change; the row of the energy has the energy loss, in percent of the energy of loading.
+The last column is for an elastic pad under an indenter with an assumed coefficient of friction of {FRICTION:g}; its
+error is not computed:
 
 {markdown_table(["loop", "measured", "viscoelastic", "elastic, with friction"], loop_rows)}
-
-{paragraph(_loop_words(fit))}
 """
 
 
@@ -125,18 +133,24 @@ def _loop_words(memory: PronyFit) -> str:
         return f"**The loop agrees** within {100 * (ALIKE - 1):.0f} %{unresolved}."
     verdict = (
         f"**The loop does not agree**: the measured widths are {low:.2g} to {high:.2g} times the predicted "
-        f"ones{unresolved}. Friction below the indenter explains {memory.rubbed.force:.2f} of "
-        f"the {measured.FORCE_LOOP:g} % and changes the largest force by {100 * (memory.stiffer - 1):+.0f} %."
+        f"ones{unresolved}."
+    )
+    friction = (
+        f"**Friction** below the indenter explains {memory.rubbed.force:.2f} of the {measured.FORCE_LOOP:g} % by which "
+        f"the force differs on the way back. It changes the largest force by {100 * (memory.stiffer - 1):+.0f} %."
     )
     linear_note = (
-        "In closed form, the loop of the force of a linear solid with the fitted series is "
-        f"{linear_loop(memory.terms):.2f} % wide, so the narrow loop is not an error of the computation."
+        "**Errors of the computation** do not explain it: in closed form, the loop of the force of a linear solid with "
+        f"the fitted series is {linear_loop(memory.terms):.2f} % wide."
     )
-    return f"{verdict} {linear_note} {_missing()}" if low > ALIKE else verdict
+    sentences = [verdict, friction]
+    if low > ALIKE:
+        sentences += [linear_note, _slower_term(), *_widths_alone()]
+    return "\n\n".join(map(paragraph, sentences))
 
 
-def _missing() -> str:
-    """Sentences about effects that could widen loops that are too narrow."""
+def _slower_term() -> str:
+    """Sentences about a further term of the Prony series, which could widen loops that are too narrow."""
     time, residue = slow_term()
     there = measured_tail()[-1]
     verdict = "does not exclude it"
@@ -146,30 +160,29 @@ def _missing() -> str:
             "with small weights add up: no linear viscosity explains both records"
         )
     return (
-        f"A further term of the series could explain such a loop, best with a relaxation time of {time:.0f} s. In a "
-        f"linear solid this term would leave at least {100 * residue:.1f} % of the change {measured.TAIL_TIMES[-1]:g} "
-        f"s after the release, but {100 * there:.2f} % was measured: that {verdict}. {_widths_alone()}"
+        "**A further term of the series** could widen the loop so far, best with a relaxation time of "
+        f"{time:.0f} s. In a linear solid, this term would leave at least {100 * residue:.1f} % of the change "
+        f"{measured.TAIL_TIMES[-1]:g} s after the release, but {100 * there:.2f} % was measured: that {verdict}."
     )
 
 
-def _widths_alone() -> str:
-    """Sentences about possible causes of the loops that the measured widths alone exclude, if changes of voltage and
+def _widths_alone() -> list[str]:
+    """Paragraphs about possible causes of the loops that the measured widths alone exclude, if changes of voltage and
     force are proportional to travel."""
     force, at_travel, at_force = measured.FORCE_LOOP, measured.VOLTAGE_LOOP_AT_TRAVEL, measured.VOLTAGE_LOOP_AT_FORCE
     play = at_travel / 100 * measured.PRESSES[measured.PRESSED].travels[-1]
     lower, higher = abs(force - at_travel), force + at_travel
     less = abs(lower - at_force) < abs(higher - at_force)
-    return (
-        "The widths alone show more, if voltage and force are nearly proportional to each other and to the travel. On "
-        f"the way back, the force is lower by {force:g} %. The loop of the voltage at equal "
-        f"travel is {at_travel:g} % wide. If the voltage is lower there on the way back, it is {lower:.1f} % higher at "
-        f"equal force; if it is higher there, it is {higher:.1f} % higher at equal force. {at_force:g} % was measured. "
-        f"So roofs are {'less' if less else 'more'} pressed on the way back at equal travel. Softening or "
-        "relaxation that is the same everywhere does not change the shape of a pad at a given travel, and is excluded "
-        "as the only cause. Play of the robot (which would be "
-        f"{play:.2f} mm) and slip of the pad are excluded as well, because they change nothing at equal force. An "
-        "elastic compliance of the robot causes no loop. Possible causes are softening by the first strain (Mullins' "
-        f"effect), if it is larger below the indenter than at the roofs, or a softening by {min(lower, at_force):.0f} "
-        f"to {max(lower, at_force):.0f} % together with play or slip. These data do not show which; the next section "
-        "computes the first."
-    )
+    return [
+        f"**The roofs are {'less' if less else 'more'} pressed on the way back**, at equal travel. The widths show "
+        "this if voltage and force are nearly proportional to each other and to the travel. On the way back, the force "
+        f"is lower by {force:g} %. At equal travel, the voltage differs by {at_travel:g} %. If it is lower on the way "
+        f"back, it should be {lower:.1f} % higher at equal force; if it is higher, it should be {higher:.1f} % higher "
+        f"at equal force. {at_force:g} % was measured, which is nearer to the {'first' if less else 'second'}.",
+        "**Not the only cause:** softening or relaxation that is the same everywhere, because it does not change the "
+        f"shape of a pad at a given travel. Also excluded are play of the robot (it would be {play:.2f} mm) and slip "
+        "of the pad, because they change nothing at equal force. An elastic compliance of the robot causes no loop.",
+        "**Possible causes:** softening by the first strain (Mullins' effect), if it is larger below the indenter than "
+        f"at the roofs; or a softening by {min(lower, at_force):.0f} to {max(lower, at_force):.0f} % together with "
+        "play or slip. These data do not show which. The next section computes the first.",
+    ]

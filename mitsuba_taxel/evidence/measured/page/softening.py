@@ -26,26 +26,32 @@ def softening_section(study: xr.Dataset) -> str:
     worst = {beta: max(abs(a - b) for a, b in zip(each.loop, MEASURED, strict=True)) for beta, each in fits.items()}
     best = max(abs(a - b) for a, b in zip(free.loop, MEASURED, strict=True))
     alike = [f"{beta:g}" for beta, miss in worst.items() if miss <= ALLOWED]
-    words = (
-        f"With all three constants fitted, the four widths are met to {best:.2f} points. "
-        + (f"With beta = {', '.join(alike)} they are met to {ALLOWED:g} points as well: " if alike else "")
-        + "the widths hardly determine beta. So Mullins' effect alone is a possible cause of the loops. This "
-        "is not a proof: three constants are fitted to four numbers; it is not known whether the "
-        "recorded cycle was the first one, and after a first cycle this law has no loop. Taxels 5 and 17 are not "
-        "predicted yet, and the creep after release needs relaxation in addition, which is not modelled together with "
-        "this effect."
+    fitted_words = (
+        f"With all three constants fitted, the computed widths differ from the measured ones by {best:.2f} points at "
+        "most"
+        + (f", and with beta = {', '.join(alike)} by {ALLOWED:g} points at most" if alike else "")
+        + ": the widths hardly determine beta."
+    )
+    caveats = (
+        "This is not a proof. Three constants are fitted to four numbers. It is not known whether the recorded cycle "
+        "was the first one; after a first cycle, this law has no loop. Taxels 5 and 17 are not predicted yet. The "
+        "creep after release needs relaxation in addition, which is not modelled together with this effect."
     )
     return f"""\
 ## The same loop by Mullins' effect
-The silicone of a first cycle is softer on the way back ([law](theory/mechanics.md#mullins-effect)). The table has the
-loops of **one cell** of that pad below the indenter found above, on elements of {MESH_SIZE:g} mm, to first order in the
-softening; the mean displacement of the roof stands for the voltage, and no light is computed. Widths are in percent, as
-above; m is relative to Young's modulus E. Signs are those that the measured widths suggest: on the way back, the
-voltage is lower at equal travel and higher at equal force.
+Mullins' effect alone is a possible cause of the loops: silicone is softer on the way back of its first cycle
+([law](theory/mechanics.md#mullins-effect)). The constants of this law are fitted to the four measured widths.
 
-**Fitted to the four measured widths:**
+{paragraph(fitted_words)}
+
+{paragraph(caveats)}
+
+The loops are those of **one cell** of that pad below the indenter found above, on elements of {MESH_SIZE:g} mm, to
+first order in the softening. The mean displacement of the roof replaces the voltage; no light is computed.
+
+The table has a row for each beta: fitted (*free*) or given. The columns r and m / E have the other fitted constants; E
+is Young's modulus. The remaining columns have the widths in percent, as above. A width is positive if, on the way back,
+the voltage is lower at equal travel and higher at equal force, as the measured widths suggest:
 
 {markdown_table(_HEADS, rows)}
-
-{paragraph(words)}
 """

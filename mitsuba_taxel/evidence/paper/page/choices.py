@@ -55,13 +55,17 @@ def variations(studies: Found, pictures: Path) -> str:
 ## Effects of unstated choices on Table 1
 ![Sensitivities under each choice](paper/choices.png)
 
-Each row changes one choice of the nominal sensor, or two, and has the sensitivities of the four shapes in µW/N. The
-elements are those used for the normal forces of Table 1. The columns *N* have slopes under normal forces up to
-20 N, the columns *T* have slopes under forces up to 8 N along x or y, at -8 N. Each is the steepest slope of two
-taxels, the corner and the centre; Table 1 has the steepest of all nine. Slopes are those of curves through readings and
-their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random paths, slopes are differences
-between these forces, and their noise may exceed the slope.
+The paper does not state some choices that its simulation made. This section changes these choices of the nominal
+sensor, one or two at a time. {_computed(tables)}
 
+{_unexplained(tables, fits, heights)}
+
+{paragraph(_influence(tables))}
+
+**All results.** A row of the table has the sensor with one changed choice, or with two. The columns are:
+
+- *N* and *T*: sensitivities of the four shapes in µW/N, under normal forces up to 20 N (*N*), and under tangential
+  forces up to 8 N along x or y at a normal force of -8 N (*T*).
 - *order*: number of pairs of shapes that are in the paper's order: of the 6 pairs under normal force, plus of the 6
   pairs under tangential force.
 - *factor*: common factor that brings the slopes closest to the paper's numbers (the power of the source in W).
@@ -70,14 +74,13 @@ between these forces, and their noise may exceed the slope.
 
 {markdown_table(head, rows)}
 
-{_computed(tables)}
+A sensitivity in this table is the steepest slope of two taxels, the corner and the centre; Table 1 has the steepest of
+all nine. The elements are those used for the normal forces of Table 1. Slopes are those of curves through readings and
+their derivatives at 0, 10 and 20 N, and at 0, 4 and 8 N. With mirrors, which need random paths, slopes are differences
+between these forces, and their noise may exceed the slope.
 
-No choice turns the packages by 90 degrees: this only exchanges x and y, and the tangential slopes of Table 1 are the
+No choice turns the packages by 90 degrees. This only exchanges x and y, and the tangential slopes of Table 1 are the
 larger of those along x and y.
-
-{_influence(tables)}
-
-{_unexplained(tables, fits, heights)}
 """
 
 
@@ -119,7 +122,7 @@ def _influence(tables: Mapping[str, Mapping[str, Mapping[str, Sensitivity]]]) ->
     single = [choice.words for choice in choices() if choice.single and choice.words in tables]
     ranked = sorted(single, key=typical_factor, reverse=True)
     listed = ", ".join(f"{words} ({typical_factor(words):.2f})" for words in ranked)
-    return f"Single choices, with the typical factor by which they change a slope: {listed}."
+    return f"**Single choices**, with the typical factor by which they change a slope: {listed}."
 
 
 def _unexplained(
@@ -141,4 +144,4 @@ def _unexplained(
                 f"- {group}, *{best}* has the least misfit, {fits[best].misfit:.2f}, with a factor of "
                 f"{fits[best].scale:.3g}. The paper's numbers, divided by the slopes times this factor: {ratios}."
             )
-    return "**Remaining differences**\n\n" + "\n".join(lines)
+    return "**Best choices, and the remaining differences**\n\n" + "\n".join(lines)

@@ -39,11 +39,15 @@ def experiments(studies: Found, pictures: Path) -> str:
     head = ["shape", "normal: measured", "here", "tangential: measured", "here", "e_nl measured [%]", "here [%]"]
     return f"""\
 ## The paper's experiments (Tables 2 to 4)
-The table has sensitivities of the most sensitive taxel, relative to those of the parallelepiped (they were measured in
-V/N), and the nonlinearity e_nl (equation 7, from the end-point line up to 10 N). The sensor of the experiments has 6 x
-2 cells, so that forces per cell differ: ratios and orders can be compared, but not values.
-
-{markdown_table(head, rows)}
+The shapes of cells are compared with the experiments by the order of their sensitivities:
 
 {chr(10).join(lines)}
+
+Only ratios and orders can be compared, but not values: the sensor of the experiments has 6 x 2 cells, so that forces
+per cell differ.
+
+The table has a row for each shape. It shows the sensitivity of the most sensitive taxel relative to that of the
+parallelepiped (they were measured in V/N), and the nonlinearity e_nl (equation 7, from the end-point line up to 10 N):
+
+{markdown_table(head, rows)}
 """

@@ -12,7 +12,7 @@ from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.paper import figures, paper
 from mitsuba_taxel.evidence.paper.analysis import PUBLISHED, expected_of_counting, skewness, table_one
 from mitsuba_taxel.evidence.paper.comparison import order, pairs_in_order
-from mitsuba_taxel.evidence.paper.page.words import NAMES, TANGENTIAL, Found, micro, steepest
+from mitsuba_taxel.evidence.paper.page.words import NAMES, TANGENTIAL, Found, micro, paragraph, steepest
 from mitsuba_taxel.evidence.paper.paper_studies import add_seconds
 from mitsuba_taxel.evidence.paper.slopes import Sensitivity
 from mitsuba_taxel.pads.parametric.pad import DEFAULT_MESH_SIZE
@@ -37,26 +37,35 @@ def nominal(studies: Found, pictures: Path) -> str:
     direction = [[cell, *(steepest(table[path][cell]) for path in TANGENTIAL)] for cell in paper.CELLS]
     return f"""\
 ## Fig. 9 and Table 1: four shapes under load
+The shapes of cells are compared with the paper by the order of their sensitivities:
+
+{_orders(table)}
+
 ![Power under normal force](paper/fig9.png)
 
 ![Change of power under tangential force](paper/tangential.png)
 
-**Tangential forces at -8 N**: change of power of the corner taxel at (+x, +y) and of the centre. Solid lines end where
-the paper's solver stopped; dashed lines, if there are any, continue to the largest force that the pad bears.
+The last figure shows the change of power **under tangential forces**, at a normal force of -8 N, for the corner taxel
+at (+x, +y) and for the centre. Solid lines end where the paper's solver stopped. Dashed lines, if there are any,
+continue to the largest force that the pad bears.
 
 ![Sensitivities](paper/table1.png)
 
+The table has a row for each shape of cell and kind of force. The columns *paper* and *here* have the maximum slope: the
+largest slope of the curves of all nine taxels. The last column has the taxel and the force at which the slope is
+largest:
+
 {markdown_table(head, rows)}
 
-The table above has maximum slopes: the largest slope of the curves of all nine taxels. The curves are cubic polynomials
-through readings, computed without random numbers, and their derivatives with respect to the force. The stated error is
-that of the derivatives (light, mechanics and geometry). The tangential slope is the larger of those along x and y:
+The curves are cubic polynomials through readings, computed without random numbers, and their derivatives with respect
+to the force. The stated error is that of the derivatives (light, mechanics and geometry).
+
+The tangential slope above is the larger of those along x and y. The next table has the maximum slopes of each shape for
+all directions of the tangential force:
 
 {markdown_table(["shape", *(f"{NAMES[path]} [µW/N]" for path in TANGENTIAL)], direction)}
 
-{_orders(table)}
-
-{_cost(nominal)}
+{paragraph(_cost(nominal))}
 """
 
 
@@ -92,10 +101,10 @@ def _cost(nominal: Mapping[str, Mapping[str, Any]]) -> str:
     shares = ", ".join(f"{stage} {value:.0f} s" for stage, value in seconds.items())
     noise = f", of which the noise of the light is at most {light:.2%}" if light else ""
     return (
-        f"{count} readings took {wall:.0f} s, summed over their studies. Computing times by stage, summed over all "
-        f"processes, are {shares} (load: loading of the scene). The largest total error of a reading is "
-        f"{total:.2%}{noise}; the estimated error of the roofs' displacement is at most {1e3 * roofs:.1f} µm, on "
-        f"finite elements of {meshes}."
+        f"**Cost and accuracy.** {count} readings took {wall:.0f} s, summed over their studies. Computing times by "
+        f"stage, summed over all processes, are {shares} (load: loading of the scene). The largest total error of a "
+        f"reading is {total:.2%}{noise}. The estimated error of the roofs' displacement is at most "
+        f"{1e3 * roofs:.1f} µm, on finite elements of {meshes}."
     )
 
 
@@ -110,9 +119,12 @@ def roofs(studies: Found, pictures: Path) -> str:
 ## Fig. 10: a force along the secondary diagonal
 ![Roofs and powers](paper/fig10.png)
 
-The maps show the change from the state at -8 N if {paper.SHOWN_TANGENTIAL_FORCE:g} N along (1, 1) are added; taxels are
-arranged as on the board. The paper finds the largest difference between taxels 3 and 7, a medium one between the sides,
-and almost none on the main diagonal:
+The maps show how roofs and powers change if {paper.SHOWN_TANGENTIAL_FORCE:g} N along (1, 1) are added to a normal force
+of -8 N. Taxels are arranged as on the board.
+
+The table has a row for each shape of cell, and a column for each difference of changes that the paper describes. The
+paper finds the largest difference between taxels 3 and 7, a medium one between the sides (taxels 2 and 6 against 4 and
+8), and almost none on the main diagonal (taxels 1, 5 and 9):
 
 {markdown_table(["shape", "3 - 7 [µW]", "(2 + 6 - 4 - 8) / 2 [µW]", "largest of 1, 5, 9 from their mean [µW]"], rows)}
 """
@@ -131,8 +143,9 @@ def beyond(studies: Found, pictures: Path) -> str:
     )
     return f"""\
 ### How far the load paths go
-Largest tangential force in N that the pad bears at -8 N, in steps of 1 N, and the force at which the paper's solver
-stopped:
+The table has a row for each shape of cell. The first column has the tangential force in N at which the paper's solver
+stopped. The other columns have the largest tangential force that the pad bears here, in steps of 1 N. The normal force
+is -8 N:
 
 {markdown_table(["shape", "paper", *(NAMES[path] for path in TANGENTIAL)], rows)}
 

@@ -60,16 +60,20 @@ def analog(studies: Found, pictures: Path) -> str:
 ## The paper's own procedure, repeated {repetitions} times
 ![Maximum slopes by counted rays](paper/analog.png)
 
-The paper traces 20 x 3000 = {paper.RAYS} rays for each reading. Here, `analog_tracer` counts {counting.RAYS} rays, the
-nearest power of two, for the centre taxel at each of the 41 normal forces, with new random rays each time. The result
-of the procedure is the maximum slope over steps of 0.5 N. The table compares it with the true maximum slope, that of
-the centre taxel without noise:
+The paper traces 20 x 3000 = {paper.RAYS} rays for each reading. Its result is the maximum slope over steps of 0.5 N.
+Here, this procedure is repeated for the centre taxel: `analog_tracer` counts {counting.RAYS} rays, the nearest power of
+two, at each of the 41 normal forces, with new random rays each time.
+
+The table has a row for each shape of cell. It compares the result of the procedure with the *true* maximum slope, which
+is computed without noise. The other columns are:
+
+- *spread*: standard deviation of the results.
+- *binomial*: mean result if readings are binomial counts of n rays, each of which arrives with the probability p.
+- *scatter*: variance of the readings divided by p (1 - p) / n, and p-value of this ratio.
 
 {markdown_table(head, rows)}
 
-*Binomial*: mean result if readings are binomial counts of n rays, each of which arrives with the probability p.
-*Scatter*: variance of the readings divided by p (1 - p) / n, and p-value of this ratio. A ray tracer that repeats its
-random numbers at every step would have less noise.
+A ray tracer that repeats its random numbers at every step would have less noise.
 """
 
 
@@ -110,23 +114,27 @@ def hypotheses(studies: Found, pictures: Path) -> str:
     ]
     return f"""\
 ## Is Table 1 counting noise?
-A reading p from n = {paper.RAYS} rays has a standard deviation of sqrt(p (1 - p) / n). The largest slope over many
-steps of 0.5 N is then mostly noise, and proportional to the square root of the reading. The table compares three
-explanations of Table 1, each with one free common factor. The factor of the last explanation is the power of the source
-in W, or another scale:
-
-{markdown_table(["force", "explanation", "factor", "chi-square / freedom", "misfit"], rows)}
+Three explanations of the sensitivities in Table 1 are compared:
 
 {chr(10).join(lines)}
+
+Noise is possible for this reason: a reading p from n = {paper.RAYS} rays has a standard deviation of
+sqrt(p (1 - p) / n). The largest slope over many steps of 0.5 N is then mostly noise, and proportional to the square
+root of the reading.
+
+The table has a row for each kind of force and explanation. Each explanation has one free common factor. The factor of
+the maximum slopes is the power of the source in W, or another scale. The misfit is the typical ratio between Table 1
+and the explanation:
+
+{markdown_table(["force", "explanation", "factor", "chi-square / freedom", "misfit"], rows)}
 
 Counting noise with one source and equal steps would give both kinds of force the same factor. The tangential factor is
 {with_error(ratio, error)} times the normal factor, as if the steps of the tangential force had been
 {paper.FORCE_STEP / ratio:.2g} N.
 
-Relative to the parallelepiped:
+The next table has a row for each shape of cell, with values relative to the parallelepiped. *Counting* is the mean of
+the maximum slope of nine curves, with binomial counts of {paper.RAYS} rays for each reading; the probabilities are the
+readings of this program:
 
 {markdown_table(head, ratios)}
-
-*Counting*: mean of the maximum slope of nine curves, with binomial counts of {paper.RAYS} rays for each reading; the
-probabilities are the readings of this program.
 """

@@ -26,13 +26,22 @@ For readers of the paper, and for those who ask whether the program reproduces i
 Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
 
 *Multiphysics Simulation for the Optimization of an Optoelectronic-Based Tactile Sensor* simulates a pad of 3 x 3 cells
-on photo-reflectors with a commercial suite. This page recomputes its figures and tables with `mitsuba_taxel`. The paper
-does not state the position and orientation of LED and phototransistor in the package, the size of the dark centre of
-the LED, which of two "conical" emission laws it used, or Poisson's ratio. The *nominal* sensor is that of `pad.xml`:
-{spacing:g} mm between the dies, LED at -x, phototransistor's long side along x, dark centre 0.1 mm, LED uniform per
-solid angle up to 88 degrees, neo-Hookean silicone with nu = 0.49, roofs isotropic, all else absorbing. Nothing is
-fitted to the paper's numbers. Errors are one standard deviation: the total error for slopes, that of the light alone
-for readings. Each LED emits 1 W. The source power scales all readings and slopes alike.
+on photo-reflectors with a commercial suite. This page recomputes its figures and tables with `mitsuba_taxel`. Nothing
+is fitted to the paper's numbers.
+
+**Unstated.** The paper does not state some properties of its sensor: the position and orientation of LED and
+phototransistor in the package, the size of the dark centre of the LED, which of two "conical" emission laws it used,
+and Poisson's ratio.
+
+**The nominal sensor** of this page is that of `pad.xml`:
+
+- The dies are {spacing:g} mm apart. The LED is at -x, and the long side of the phototransistor is along x.
+- The LED emits 1 W, uniformly per solid angle up to 88 degrees. Its dark centre is 0.1 mm wide. The power scales all
+  readings and slopes alike.
+- The silicone is neo-Hookean with nu = 0.49.
+- Roofs reflect isotropically. All else absorbs.
+
+**Errors** are one standard deviation: the total error for slopes, that of the light alone for readings.
 """
 
 SECTIONS: tuple[tuple[tuple[str, ...], Callable[[Found, Path], str]], ...] = (

@@ -20,16 +20,17 @@ def optics(studies: Found, pictures: Path) -> str:
 ## Figs. 4 to 6: the photo-reflector under a mirror plate
 ![Power over height](paper/fig4.png)
 
-**Fig. 4.** Power, normalised to its largest, against height. The first height is {paper.HEIGHT_STEP:g} mm: at z = 0 the
-plate lies on LED and phototransistor, no light passes, and the reading is 0. Grey: peak of the datasheet's curve.
-Bands are two standard errors.
+**Fig. 4** shows the power against the height of the plate. Powers are relative to the largest. Bands are two standard
+errors. The grey line is at the peak of the datasheet's curve. The first height is {paper.HEIGHT_STEP:g} mm, because at
+z = 0 the plate lies on LED and phototransistor, so that no light passes.
 
 ![Power over an edge along x](paper/fig5.png)
 ![Power over an edge along y](paper/fig6.png)
 
-**Figs. 5 and 6.** The plate at {paper.EDGE_HEIGHT:g} mm covers everything beyond its edge. The edge distance is the
-distance of the plate's edge from the edge of the package, counted inwards, along x from the LED's side: at 0 the whole
-package is covered. (The paper speaks of "the space among the reflective plane and the photo-reflector edges".) """
+**Figs. 5 and 6** show the power against the edge distance. The plate is at {paper.EDGE_HEIGHT:g} mm and covers
+everything beyond its edge. The edge distance is that of the plate's edge from the edge of the package, counted inwards:
+at 0 the whole package is covered. Along x, it is counted from the side of the LED. (The paper speaks of "the space
+among the reflective plane and the photo-reflector edges".) """
 
 
 def peaks(studies: Found, pictures: Path) -> str:
@@ -50,12 +51,16 @@ def peaks(studies: Found, pictures: Path) -> str:
 ### Die spacing and emission law cannot be distinguished
 ![Height of the peak](paper/peak.png)
 
+Different pairs of emission law and die spacing give the same height of the peak. So the peak of the datasheet does not
+show which pair is right.
+
+The table has a row for each emission law. It shows the height of the peak for several die spacings. The last column has
+the die spacing for which the peak is at the height in the datasheet:
+
 {markdown_table(head, rows)}
 
-The table has the height of the peak for each emission law and die spacing: the maximum of a cubic polynomial in ln z,
-fitted to ln(power) where the power exceeds {plate.NEAR_PEAK:.0%} of its maximum. Die spacings are from {low:g} to
-{high:g} mm, the range that fits into the package. The last column has the spacing with which each law reproduces the
-peak of the datasheet. So the peak does not show which pair of law and spacing is right.
+A peak is the maximum of a cubic polynomial in ln z, fitted to ln(power) where the power exceeds {plate.NEAR_PEAK:.0%}
+of its maximum. Die spacings are from {low:g} to {high:g} mm, the range that fits into the package.
 """
 
 
