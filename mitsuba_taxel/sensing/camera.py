@@ -15,11 +15,13 @@ import numpy as np
 
 from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.arguments import check_flags, check_seed, check_whole, is_number
+from mitsuba_taxel.base.convergence import COARSENING, LOCAL_ORDER
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.sensing.camera_view import REPLICATES, refuse_large_films, view_of
-from mitsuba_taxel.sensing.reading.mechanics_error import moved
+from mitsuba_taxel.pads.regions import REGIONS
+from mitsuba_taxel.sensing.camera_view import REPLICATES, View, refuse_large_films, view_of
+from mitsuba_taxel.sensing.reading.mechanics_error import mechanics_deviations, moved
 from mitsuba_taxel.sensing.scene.description import Scene
-from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, loaded_pads
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -30,6 +32,13 @@ MOST_SAMPLES = 2**20
 """Largest number of samples per pixel and replicate."""
 PATHS_AT_ONCE = 2**21
 """Largest number of paths traced at the same time, unless an image has more pixels."""
+RELATIVE_ERRORS = "relative_error", "relative_mechanics_error", "relative_total_error"
+"""Names of the errors of a `CameraImage` that summarise its pixels."""
+ERROR_REPLICATES = 4
+"""Number of replicates whose light is traced again for the error of the finite elements."""
+SLOPE_SHARE = 1 / (COARSENING**LOCAL_ORDER - 1)
+"""Error of a pixel by the finite elements, relative to its change on elements of twice the size: images show the slope
+of the coat, which is a gradient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +51,10 @@ class CameraImage:
         Mean radiance of the replicates, in the units of the scene's lights. The channels are red, green and blue, or a
         single one.
     standard_error : (H, W, C) ndarray
-        Standard error of the radiance, 1 sigma.
+        Standard error of the radiance by the light, 1 sigma.
+    mechanics_error : (H, W, C) ndarray
+        Error of the radiance, 1 sigma, by the finite elements of loaded pads; NaN if unknown. The difference to
+        unloaded pads has the same error.
     depth : (H, W) ndarray
         Distance in mm, along the axis of the camera, from its plane to the first surface that is not clear, at the
         centre of each pixel; NaN without such a surface.
@@ -70,6 +82,7 @@ class CameraImage:
 
     radiance: np.ndarray
     standard_error: np.ndarray
+    mechanics_error: np.ndarray
     depth: np.ndarray
     coat: np.ndarray
     displacement: np.ndarray
@@ -83,9 +96,19 @@ class CameraImage:
 
     @property
     def relative_error(self) -> float:
-        """Root mean square, over all pixels that show the coat and are not black, of the standard error relative to the
-        radiance."""
+        """Root mean square, over all pixels that show the coat and are not black, of the standard error by the light
+        relative to the radiance."""
         return _relative_error(self.radiance, self.standard_error, self.coat)
+
+    @property
+    def relative_mechanics_error(self) -> float:
+        """The same of the error by the finite elements; NaN if unknown."""
+        return _relative_error(self.radiance, self.mechanics_error, self.coat)
+
+    @property
+    def relative_total_error(self) -> float:
+        """The same of both errors together; NaN if that of the finite elements is unknown."""
+        return math.hypot(self.relative_error, self.relative_mechanics_error)
 
 
 @in_turn
@@ -107,8 +130,9 @@ def camera_image(
     samples : int, optional
         Number of samples per pixel and replicate, rounded up to a power of four; by default `SAMPLES`.
     target_error : float, optional
-        Instead of samples, the target for `CameraImage.relative_error`. The number of samples follows from a pilot
-        image, which is not part of the result.
+        Instead of samples, the target for `CameraImage.relative_total_error`. The number of samples follows from a
+        pilot image, which is not part of the result. If the error by the finite elements alone is above the target, or
+        unknown, the target applies to the error by the light.
     seed : int
         Seed of the random numbers, from 0 to 2**32 - 1.
     difference : bool
@@ -143,10 +167,14 @@ def camera_image(
     began = time.perf_counter()
     count, run = power_of_four(samples or SAMPLES), 0
     images = _replicates(live, view.camera, count, seed, run, progress)
+    mechanics_error = _mechanics_error(live, view, images, count, seed, run)
     if target_error is not None:
-        error = _relative_error(*_mean_and_error(images), view.coat)
-        if error > target_error:
-            count, run = min(power_of_four(math.ceil(count * (error / target_error) ** 2)), MOST_SAMPLES), 1
+        radiance, standard_error = _mean_and_error(images)
+        error = _relative_error(radiance, standard_error, view.coat)
+        mechanics = _relative_error(radiance, mechanics_error, view.coat)
+        target = math.sqrt(target_error**2 - mechanics**2) if mechanics < target_error else target_error
+        if error > target:
+            count, run = min(power_of_four(math.ceil(count * (error / target) ** 2)), MOST_SAMPLES), 1
             images = _replicates(live, view.camera, count, seed, run, progress)
     # Pixels at the border of the coat show what is beside it as well.
     padded = np.pad(view.coat, 1)
@@ -167,6 +195,7 @@ def camera_image(
     return CameraImage(
         radiance,
         standard_error,
+        mechanics_error,
         view.depth,
         view.coat,
         view.displacement,
@@ -186,8 +215,9 @@ def _replicates(
     seed: int,
     run: int,
     progress: Callable[[int, int], None] | None,
+    replicates: int = REPLICATES,
 ) -> np.ndarray:
-    """Render independent images (R, H, W, C) of a camera; the seed of each follows from ``seed`` and ``run``."""
+    """Render the first independent images (R, H, W, C) of a camera; their seeds follow from ``seed`` and ``run``."""
     import mitsuba as mi
 
     width, height = map(int, camera.film().crop_size())
@@ -196,7 +226,7 @@ def _replicates(
     parts = samples // at_once
     seeds = np.random.SeedSequence([seed, run]).generate_state(REPLICATES * parts).reshape(REPLICATES, parts)
     images = []
-    for done, own_seeds in enumerate(seeds.tolist(), start=1):
+    for done, own_seeds in enumerate(seeds[:replicates].tolist(), start=1):
         image = np.zeros(1)
         for own_seed in own_seeds:
             image = image + np.array(mi.render(scene, sensor=camera, spp=at_once, seed=own_seed), dtype=float) / parts
@@ -207,6 +237,47 @@ def _replicates(
     if not np.isfinite(stack).all():
         raise InputError("the image is not finite: check the units of sizes (mm) and powers in the scene.")
     return stack
+
+
+def _mechanics_error(
+    scene: mi.Scene, view: View, images: np.ndarray, samples: int, seed: int, run: int
+) -> np.ndarray:
+    """Error (H, W, C) of the mean of images (R, H, W, C) by the finite elements of loaded pads; NaN if unknown.
+
+    Some of the images are traced again, with the same random numbers, in pads displaced by each component of the error
+    of their shape. The mean square of the noise is subtracted from the square of each change. Two meshes may agree by
+    chance at a pixel: the error is the root mean square over the pixels of neighbouring elements."""
+    if not (pads := loaded_pads(scene)):
+        return np.zeros(images.shape[1:])
+    unchanged = [images[:ERROR_REPLICATES]]  # traced already
+
+    def traced() -> np.ndarray:
+        if unchanged:
+            return unchanged.pop()
+        return _replicates(scene, view.camera, samples, seed, run, None, ERROR_REPLICATES)
+
+    _, changes = mechanics_deviations(scene, traced)
+    if changes is None:
+        return np.full(images.shape[1:], math.nan)
+    square = np.zeros(images.shape[1:])
+    for mean, noise in map(_mean_and_error, changes):
+        square += np.square(mean) - np.square(noise)
+    faces = sum(np.count_nonzero(pad.state.mesh.face_region == REGIONS["top"]) for pad in pads)
+    width = round(math.sqrt(view.coat.sum() / faces))
+    return SLOPE_SHARE * np.sqrt(np.maximum(_local_mean(square, view.coat, width), 0))
+
+
+def _local_mean(values: np.ndarray, coat: np.ndarray, reach: int) -> np.ndarray:
+    """Mean of values (H, W, C) over the pixels of the coat (H, W) up to ``reach`` pixels away along each axis; the
+    values themselves in other pixels."""
+    sums = np.concatenate([values * coat[..., None], coat[..., None]], axis=-1)
+    for axis in (0, 1):
+        along = np.moveaxis(sums, axis, 0)
+        total = np.concatenate([np.zeros_like(along[:1]), np.cumsum(along, axis=0)])
+        place = np.arange(len(along))
+        part = total[np.minimum(place + reach + 1, len(along))] - total[np.maximum(place - reach, 0)]
+        sums = np.moveaxis(part, 0, axis)
+    return np.where(coat[..., None], sums[..., :-1] / np.maximum(sums[..., -1:], 1), values)
 
 
 def _mean_and_error(images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

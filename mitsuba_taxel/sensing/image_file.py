@@ -32,7 +32,8 @@ NO_IMAGE = "is not allowed: an image that `taxel render` or `taxel sweep` wrote 
 def write_image(image: CameraImage, file: Path, about: Mapping[str, object] = MappingProxyType({})) -> Path:
     """Write an image as OpenEXR and, beside it, as PNG.
 
-    The channels of the EXR are ``R``, ``G`` and ``B``, or ``Y``; ``standard_error.R`` and so on; ``depth`` in mm;
+    The channels of the EXR are ``R``, ``G`` and ``B``, or ``Y``; ``standard_error.R`` and so on, by the light;
+    ``mechanics_error.R`` and so on, by the finite elements; ``depth`` in mm;
     ``coat``, 1 in pixels that show the coat; ``displacement.x``, ``.y`` and ``.z`` of the coat in mm;
     ``contact_pressure`` in MPa, if an indenter touches; and, if requested, ``difference.R`` and so on, the difference
     to the image with unloaded pads, and ``difference_error.R`` and so on, its standard error. In the PNG, pixels above
@@ -79,7 +80,7 @@ def write_exr(image: CameraImage, file: Path, about: Mapping[str, object] = Mapp
 
     names = _colours(image)
     channels = {name: image.radiance[..., k] for k, name in enumerate(names)}
-    for quantity in ("standard_error", *CHANGES):
+    for quantity in ("standard_error", "mechanics_error", *CHANGES):
         values = getattr(image, quantity)
         if values is not None:
             channels |= {f"{quantity}.{name}": values[..., k] for k, name in enumerate(names)}
@@ -133,6 +134,7 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
         image = CameraImage(
             _stacked(channels, "", names),
             _stacked(channels, "standard_error.", names),
+            _stacked(channels, "mechanics_error.", names),
             channels["depth"],
             channels["coat"] > 0,
             _stacked(channels, "displacement.", "xyz"),

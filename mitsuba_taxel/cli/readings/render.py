@@ -129,7 +129,7 @@ def _render_image(description, target_error, points, seed, difference, output, a
 
     from mitsuba_taxel.backend import check_backend
     from mitsuba_taxel.base.errors import InputError
-    from mitsuba_taxel.sensing.camera import camera_image
+    from mitsuba_taxel.sensing.camera import RELATIVE_ERRORS, camera_image
     from mitsuba_taxel.sensing.image_file import write_image
 
     from .. import tables
@@ -151,6 +151,7 @@ def _render_image(description, target_error, points, seed, difference, output, a
     file = output or Path(f"{Path(description.name).stem}.exr")
     picture = write_image(image, file)
     height, width, _ = image.radiance.shape
+    errors = image_errors(*(getattr(image, name) for name in RELATIVE_ERRORS))
     if as_json:
         tables.print_json(
             {
@@ -158,7 +159,7 @@ def _render_image(description, target_error, points, seed, difference, output, a
                 "picture": str(picture),
                 "size": [width, height],
                 "mean": image.radiance.mean(axis=(0, 1)).tolist(),
-                "relative_error": tables.known(image.relative_error),
+                **{name: tables.known(getattr(image, name)) for name in RELATIVE_ERRORS},
                 "coat_share": float(image.coat.mean()),
                 "samples": image.samples,
                 "replicates": image.replicates,
@@ -170,11 +171,28 @@ def _render_image(description, target_error, points, seed, difference, output, a
         count = f"{image.replicates} replicates of {image.samples} samples"
         tables.say(f"Image of {width} x {height} pixels: {file}, {picture}")
         tables.say(f"The coat fills {image.coat.mean():.1%} of it.")
-        tables.say(f"Relative standard error of a pixel (root mean square): {image.relative_error:.2g}, from {count}.")
-        tables.say("The error of the finite elements is not part of it.")
-    if target_error is not None and not image.relative_error <= target_error:
-        reached = f"the relative error of a pixel is {image.relative_error:.2g}"
-        tables.end_beyond_target([f"target error {target_error:g} not reached: {reached}"])
+        tables.say(f"Relative error of a pixel (root mean square): {errors}; light from {count}.")
+    if target_error is not None and not image.relative_total_error <= target_error:
+        tables.end_beyond_target([f"target error {target_error:g} not reached: {errors}"])
+
+
+def image_errors(light: float, mechanics: float, total: float) -> str:
+    """Relative errors of the pixels of an image in words, such as ``light 4.3%, mechanics 1.2%, total 4.5%``.
+
+    Parameters
+    ----------
+    light, mechanics, total : float
+        Relative errors by the light, by the finite elements, and together; NaN if unknown.
+
+    Returns
+    -------
+    str
+        Part of a sentence.
+    """
+    from mitsuba_taxel.sensing.reading.wording import budget_rows
+
+    rows = budget_rows({"light": light, "mechanics": mechanics, "total": total})
+    return ", ".join(f"{source} {error}" for source, error in rows)
 
 
 def _print_json(readings, volts, matrix, book, lines) -> None:

@@ -160,17 +160,20 @@ def show_images(study, folder: Path, as_json: bool) -> None:
     as_json : bool
         Whether to print an object.
     """
-    from ..tables import known, print_json, say
+    from mitsuba_taxel.sensing.camera import RELATIVE_ERRORS
 
-    count, error = int((study.image != "").sum()), float(study.relative_error.max())
+    from ..tables import known, print_json, say
+    from .render import image_errors
+
+    count = int((study.image != "").sum())
+    errors = {name: float(study[name].max()) for name in RELATIVE_ERRORS}
     if as_json:
         files = [str(file) for file in study.image.values.ravel() if file]
         about = {"output": str(folder), "failures": study.attrs["failures"].splitlines()}
-        print_json({**about, "images": files, "relative_error": known(error)})
+        print_json({**about, "images": files, **{name: known(error) for name, error in errors.items()}})
         return
     say(f"{count} images in {folder / 'images'}, and all of them in {folder / 'contact_sheet.png'}")
-    say(f"Relative standard error of a pixel (root mean square): at most {error:.2g}.")
-    say("The error of the finite elements is not part of it.")
+    say(f"Relative error of a pixel (root mean square), at most: {image_errors(*errors.values())}.")
     for note in study.attrs["notes"].splitlines():
         say(note)
     say(f"Results: {folder}")

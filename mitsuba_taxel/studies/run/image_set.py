@@ -19,6 +19,7 @@ from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.base.units import LOADS
 from mitsuba_taxel.characterise.roles import roles_of_study
 from mitsuba_taxel.mechanics.elements.memory import free_memory
+from mitsuba_taxel.sensing.camera import RELATIVE_ERRORS
 from mitsuba_taxel.sensing.image_file import read_image
 from mitsuba_taxel.studies.plan.files import make_empty_folder
 from mitsuba_taxel.studies.plan.job import IMAGES
@@ -32,6 +33,7 @@ OF_FORCE = "reaction_"
 PIXELS = {
     "radiance": ("channel", "units of the lights", "image"),
     "standard_error": ("channel", "units of the lights", "standard error of the radiance by the light, 1 sigma"),
+    "mechanics_error": ("channel", "units of the lights", "error of the radiance by the finite elements, 1 sigma"),
     "difference": ("channel", "units of the lights", "image minus that of the unloaded pad"),
     "displacement": ("axis", "mm", "displacement of the coat, NaN beside it"),
     "depth": ("", "mm", "distance of the first surface along the axis of the camera"),
@@ -67,8 +69,8 @@ def image_set(
     -------
     dict[str, pd.DataFrame]
         Tables ``train``, ``validation`` and ``test`` with a row for each image. Columns: loads, places and other varied
-        parameters; forces in N and moments in N mm of the indenter on the pad; ``relative_error`` of a pixel; and
-        ``image``, the OpenEXR file.
+        parameters; forces in N and moments in N mm of the indenter on the pad, with their errors; the errors of a
+        pixel, as of `image_table`; and ``image``, the OpenEXR file.
 
     Raises
     ------
@@ -93,7 +95,7 @@ def image_set(
     subset = part_by_words(words, split, seed, "touches")
     for name, word in fixed.items():
         rows[name] = numbers[0] if (numbers := as_numbers([word])) else word
-    names = [*fixed, *varied, *(name for name in rows if name.startswith(OF_FORCE)), "relative_error", "image"]
+    names = [*fixed, *varied, *(name for name in rows if name.startswith(OF_FORCE)), *RELATIVE_ERRORS, "image"]
     shown = {name: f"{name}_{unit}" for name, unit in units.items() if unit != "1"}
     table = rows[names].rename(columns={**shown, **headings(images, rows)})
     tables = {name: table[subset == number].reset_index(drop=True) for number, name in enumerate(PARTS)}
@@ -174,8 +176,7 @@ def _datasheet(images: xr.Dataset, tables: dict[str, pd.DataFrame], seed: int) -
         + markdown_table(("array", "unit", "what it is"), channels),
         "Parts": f"Images of one touch belong to the same part; seed of the split {seed}.\n\n"
         + markdown_table(("part", "images"), [(name, str(len(part))) for name, part in tables.items()]),
-        "Before you train": f"{LEFT_OUT['training']} The noise of a camera is not part of the images. The error of the "
-        "finite elements in images, forces and moments is not known.",
+        "Before you train": f"{LEFT_OUT['training']} The noise of a camera is not part of the images.",
     }
     body = "\n\n".join(f"## {heading}\n{text}" for heading, text in sections.items())
     return f"# Touches and images of {about['scene']}\n\n{body}\n"

@@ -35,7 +35,7 @@ class ImageProgress(NamedTuple):
     done, failed, total : int
         Number of finished jobs, of failed jobs among these, and of all jobs.
     error : float
-        Largest relative error of a pixel so far; see `CameraImage.relative_error`.
+        Largest total error of a pixel so far; see `CameraImage.relative_total_error`.
     """
 
     done: int
@@ -152,7 +152,7 @@ def _compute(
     numbers = {job.number for job in jobs}
     failures = {number: failure for number, failure in store.failures().items() if number in numbers}
     stored = {job.number: (job, store.facts(job.number, job.parameters)) for job in jobs}
-    errors = {number: kept["relative_error"] for number, (job, kept) in stored.items() if kept and is_enough(kept, job)}
+    errors = {number: kept["relative_total_error"] for number, (job, kept) in stored.items() if kept and is_enough(kept, job)}
     finished = errors.keys() | failures.keys()
     remaining: Any = ([job for job in along if job.number not in finished] for along in curves.values())
     done: Any
@@ -163,7 +163,7 @@ def _compute(
             failures[done.number] = outcome
         else:
             failures.pop(done.number, None)
-            errors[done.number] = outcome.about["relative_error"]
+            errors[done.number] = outcome.about["relative_total_error"]
         if progress:
             worst = max((error for error in errors.values() if error is not None), default=0.0)
             progress(ImageProgress(len(errors) + len(failures), len(failures), len(jobs), worst))

@@ -15,7 +15,7 @@ import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.atomic import WriteError, replacing, write_text
-from mitsuba_taxel.sensing.camera import SAMPLES, power_of_four
+from mitsuba_taxel.sensing.camera import RELATIVE_ERRORS, SAMPLES, power_of_four
 from mitsuba_taxel.sensing.image_file import read_image, read_image_facts, write_picture
 from mitsuba_taxel.sensing.reading.pad_results import PAD_RESULTS, PLATE_RESULTS, REACTION_RESULTS
 from mitsuba_taxel.studies.plan.batch import loads_among
@@ -115,8 +115,10 @@ def is_enough(facts: Mapping[str, Any], job: ImageJob) -> bool:
     """
     if facts["mesh_size"] != job.mesh_size or facts["variant"] != job.variant:
         return False
+    if "relative_total_error" not in facts:  # of an older version
+        return False
     if job.target_error is not None:
-        error, aimed = facts["relative_error"], facts["target_error"]
+        error, aimed = facts["relative_total_error"], facts["target_error"]
         return bool((error is not None and error <= job.target_error) or (aimed and aimed <= job.target_error))
     return bool(facts["samples"] >= power_of_four(job.samples or SAMPLES))
 
@@ -168,10 +170,11 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
     Returns
     -------
     xr.Dataset
-        ``image``, the name of the OpenEXR file in the folder, blank if there is none; ``relative_error`` of a pixel,
-        see `CameraImage.relative_error`; ``samples`` of each pixel and replicate; ``coat_share``, the part of the image
-        that shows the coat; ``white``, its radiance that is white in a picture; ``seconds``; and numbers of the
-        deformed pad, such as ``reaction_fz`` in N. They have no stated errors. The attributes are those of `sweep`.
+        ``image``, the name of the OpenEXR file in the folder, blank if there is none; ``relative_error`` of a pixel
+        due to the light, ``relative_mechanics_error`` and ``relative_total_error``, see `CameraImage`; ``samples`` of
+        each pixel and replicate; ``coat_share``, the part of the image that shows the coat; ``white``, its radiance
+        that is white in a picture; ``seconds``; and numbers of the deformed pad, such as ``reaction_fz`` in N, with
+        their errors, such as ``reaction_fz_error``. The attributes are those of `sweep`.
 
     Raises
     ------
@@ -198,11 +201,16 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
     numbers: dict[str, np.ndarray] = {}
     for index, kept in facts.items():
         names[index] = kept["image"]
-        own = {name: kept[name] for name in ("relative_error", "samples", "coat_share", "white")}
-        for name, value in {**own, "seconds": sum(kept["seconds_by_stage"].values()), **kept["pads"]}.items():
+        own = {name: kept.get(name) for name in (*RELATIVE_ERRORS, "samples", "coat_share", "white")}
+        own["seconds"] = sum(kept["seconds_by_stage"].values())
+        for name, value in kept["pads"].items():
+            own |= {name: value, f"{name}_error": kept.get("pad_errors", {}).get(name)}
+        for name, value in own.items():
             numbers.setdefault(name, np.full(shape, math.nan))[index] = math.nan if value is None else value
     meanings = {
         "relative_error": ("1", "standard error of a pixel relative to its radiance, root mean square over the coat"),
+        "relative_mechanics_error": ("1", "the same of the error by the finite elements"),
+        "relative_total_error": ("1", "the same of both errors together"),
         "samples": ("1", "samples of each pixel and replicate"),
         "coat_share": ("1", "part of the image that shows the coat"),
         "white": ("1", "radiance that is white in a picture"),
@@ -210,13 +218,14 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
     }
     meanings |= {result.name: (result.unit, result.meaning) for result in (*PAD_RESULTS, *PLATE_RESULTS)}
     meanings |= {result.name: (result.unit, result.meaning) for result in REACTION_RESULTS}
+    meanings |= {f"{name}_error": (unit, f"error of {name}, 1 sigma") for name, (unit, _) in meanings.items()}
     words = [meanings[name] for name in numbers]
     notes = []
     if missing := math.prod(shape) - len(facts) - len(failures):
         notes.append(f"{missing} of {math.prod(shape)} scenes have no image yet: the same command computes them")
-    target, worst = about["target_error"], float(np.nanmax(numbers["relative_error"], initial=0.0))
+    target, worst = about["target_error"], float(np.nanmax(numbers["relative_total_error"], initial=0.0))
     if target is not None and worst > target:
-        notes.append(f"target error {target:g} not reached: the relative error of a pixel is up to {worst:.2g}")
+        notes.append(f"target error {target:g} not reached: the total error of a pixel is up to {worst:.2g}")
     return xr.Dataset(
         {
             "image": (dims, names.astype(str), {"long_name": "OpenEXR file of the image"}),

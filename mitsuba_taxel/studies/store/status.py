@@ -102,7 +102,7 @@ def _finished(folder: Path, parameters: Mapping[int, Mapping[str, str]]) -> tupl
         for number in parameters.keys() & images.done():
             if facts := images.facts(number, parameters[number]):
                 seconds[number] = sum(facts["seconds_by_stage"].values())
-                errors.append(facts["relative_error"] or 0.0)
+                errors.append(facts.get("relative_total_error") or 0.0)
         return seconds, errors
     store = Store(folder)
     for number in parameters.keys() & store.done():
