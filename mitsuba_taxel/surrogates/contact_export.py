@@ -14,11 +14,14 @@ import numpy as np
 
 from mitsuba_taxel.base.arguments import is_number, is_whole, path_of, refusal
 from mitsuba_taxel.base.errors import ComputationError, InputError
-from mitsuba_taxel.base.files.atomic import replacing
+from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.surrogates.contact_fit import contact_model
+from mitsuba_taxel.surrogates.contact_jax import jax_of_contact
+from mitsuba_taxel.surrogates.contact_onnx import onnx_of_contact
 from mitsuba_taxel.surrogates.contact_readings import ContactModel, LearntErrors, SecondOrder
 from mitsuba_taxel.surrogates.contact_states import SolvedTouch, StateFile, Touch, solved_touch, touches
+from mitsuba_taxel.surrogates.onnx_model import check_onnx
 from mitsuba_taxel.surrogates.second_order import with_second_order
 
 if TYPE_CHECKING:
@@ -26,6 +29,7 @@ if TYPE_CHECKING:
 
 FIRST, FURTHER, MOST = 8, 4, 40
 """Number of bodies that are solved first, then each time while the error is too large, and at most."""
+ENDINGS = (".npz", ".onnx", ".py")
 FORMAT = 1
 """Version of the file format."""
 UNITS = {
@@ -69,7 +73,7 @@ def export_contact(
     scene : Scene
         A scene with one elastic pad at rest, whose top is a plane, and diffuse cells.
     file : str or Path
-        Output file, whose name must end in ``.npz``.
+        Output file, whose name ends in ``.npz``, ``.onnx`` or ``.py``, as of :func:`write_contact_model`.
     depth : float
         Largest depth in mm.
     error : float
@@ -182,21 +186,27 @@ def contact_notes(model: ContactModel, error: float, failed: list[str]) -> list[
 
 
 def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, Any] | None = None) -> None:
-    """Write a contact model as an ``.npz`` file of `numpy`, with units and errors as JSON in its array ``about``.
+    """Write a contact model, with units and errors.
+
+    An ``.npz`` file of `numpy` has these as JSON in its array ``about``, and can be read again. An ``.onnx`` file has
+    the input ``depth`` and the outputs of :class:`ContactReadings`, and these as metadata. A ``.py`` file needs JAX and
+    numpy alone: its function ``read`` can be differentiated.
 
     Parameters
     ----------
     model : ContactModel
         The model.
     file : str or Path
-        Output file, whose name must end in ``.npz``.
+        Output file, whose name ends in ``.npz``, ``.onnx`` or ``.py``.
     about : dict, optional
         Further entries of ``about``, such as the name of the scene.
 
     Raises
     ------
     InputError
-        if the name has another ending.
+        if the name has another ending, or onnx is needed and not installed.
+    ComputationError
+        if the iteration of the ``.onnx`` or ``.py`` file does not converge for this pad.
     """
     file = _model_file(file)
     arrays: dict[str, Any] = {
@@ -215,8 +225,18 @@ def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, 
         "version": version("mitsuba_taxel"),
         **(about or {}),
     }
-    with replacing(file) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, about=np.array(json.dumps(text)), **arrays)
+    if file.suffix == ".npz":
+        with replacing(file) as temporary, temporary.open("wb") as stream:
+            np.savez_compressed(stream, about=np.array(json.dumps(text)), **arrays)
+    elif file.suffix == ".onnx":
+        # The grid and the ranges of the input are metadata, too: a runtime does not show constants.
+        ranges = {name: arrays[name].tolist() for name in ("x", "y", "size", "height", "largest_depth", "places")}
+        entries = {name: value if isinstance(value, str) else json.dumps(value) for name, value in text.items()}
+        content = onnx_of_contact(model, {**entries, "ranges": json.dumps(ranges)})
+        with replacing(file) as temporary:
+            temporary.write_bytes(content)
+    else:
+        write_text(file, jax_of_contact(model, arrays, text))
 
 
 def read_contact_model(file: str | Path) -> ContactModel:
@@ -260,7 +280,10 @@ def read_contact_model(file: str | Path) -> ContactModel:
 
 
 def _model_file(file: str | Path) -> Path:
+    """The output file; raises `InputError` for another ending."""
     path = path_of("file", file)
-    if path.suffix != ".npz":
-        raise refusal("file", str(path), "a name that ends in .npz is needed")
+    if path.suffix not in ENDINGS:
+        raise refusal("file", str(path), "a name that ends in .npz, .onnx or .py is needed")
+    if path.suffix == ".onnx":
+        check_onnx()
     return path

@@ -182,8 +182,11 @@ class ContactModel(Displayed):
         """
         # Forces on the patches.
         depth = self._checked(depth)
+        finite = np.isfinite(depth).all(axis=(1, 2))
+        depth = np.where(finite[:, None, None], depth, np.nan)
         deepest = depth.max(axis=(1, 2))
         forces = contact_forces(self.compliance, self._means(depth)[:, self.covered])
+        forces[~finite] = np.nan
         solved = np.isfinite(forces).all(axis=1)
 
         # Their sum, and their moments about the x and y axes.
@@ -200,11 +203,10 @@ class ContactModel(Displayed):
             ratio = 1 + np.stack([deep, wide], axis=1) @ self.second.force
             forces, total, about = forces * ratio[:, None], total * ratio, about * ratio[:, None]
         zero = 0 * total  # NaN where that is
-        pressure = np.zeros(depth.shape)
+        pressure = np.zeros(depth.shape) + zero[:, None, None]
         pressure[:, self.covered] = forces / area
 
         # Which touches are beyond the range of the model.
-        finite = np.isfinite(depth).all(axis=(1, 2))
         far = (centre < self.places[0]) | (centre > self.places[1])
         few = (patches > 0) & (patches < FEW_PATCHES) & (deepest > LIGHT * self.largest_depth)
         flags = {

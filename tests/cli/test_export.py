@@ -10,7 +10,7 @@ from made_up_contact import linear_model, made_up
 from pages import assert_on_its_page
 
 from mitsuba_taxel import sweep
-from mitsuba_taxel.surrogates import contact_export, read_contact_model
+from mitsuba_taxel.surrogates import contact_export, read_contact_model, write_contact_model
 
 
 def test_the_program_exports_a_study(taxel, tmp_path):
@@ -49,11 +49,24 @@ def test_the_program_exports_the_contact_of_a_pad(taxel, tmp_path, monkeypatch):
     for words in (
         ("--contact", "pad.xml"),
         ("--depth", "0.4", "out"),
-        ("--contact", "--depth", "0.4", "pad.xml", "-o", "pad.onnx"),
+        ("--contact", "--depth", "0.4", "pad.xml", "-o", "pad.pt"),
+        ("--contact", "--depth", "0.4", "contact.npz", "-o", "pad.onnx"),
+        ("--contact", "contact.npz"),
+        ("--contact", "none.npz", "-o", "pad.onnx"),
+        ("out", "-o", "model.py"),
         ("-D", "fz=1", "out"),
     ):
         done = taxel("export", *words)
         assert done.returncode == 2 and done.stderr.count("\n") == 1
+
+
+def test_a_contact_model_is_written_in_other_forms(taxel, tmp_path):
+    pytest.importorskip("onnx")
+    write_contact_model(linear_model(), tmp_path / "contact.npz")
+    for ending in ("onnx", "py"):
+        done = taxel("export", "--contact", "contact.npz", "-o", f"pad.{ending}")
+        assert done.returncode == 0 and done.stderr == "" and (tmp_path / f"pad.{ending}").stat().st_size > 1e5
+    assert b"def read(depth)" in (tmp_path / "pad.py").read_bytes()
 
 
 def test_the_program_calibrates_a_study_and_a_bench(taxel, tmp_path):

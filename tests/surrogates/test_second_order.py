@@ -133,8 +133,8 @@ def test_a_file_gives_the_same_model(tmp_path, learnt):
 
 
 def test_other_files_are_refused(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match=r"a name that ends in \.npz"):
-        write_contact_model(linear_model(), tmp_path / "pad.onnx")
+    with pytest.raises(InputError, match=r"a name that ends in \.npz, \.onnx or \.py"):
+        write_contact_model(linear_model(), tmp_path / "pad.pt")
     for content in (b"", b"no archive"):
         (tmp_path / "pad.npz").write_bytes(content)
         with pytest.raises(InputError, match="no model of contact"):

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from ..options import Fraction, NewFile, debug_option, defines_option, json_option
 
 
-@click.command(short_help="A study as a fast model for simulators (ONNX).")
+@click.command(short_help="A study, or the contact of a pad, as a fast model for simulators.")
 @click.argument("source", metavar="DIR", type=click.Path(path_type=Path))
 @click.option(
-    "-o", "--output", type=NewFile(".onnx", ".npz"), metavar="FILE", show_default="model.onnx, or contact.npz",
+    "-o", "--output", type=NewFile(".onnx", ".npz", ".py"), metavar="FILE", show_default="model.onnx, or contact.npz",
     help="The model.",
 )  # fmt: skip
 @click.option("--contact", is_flag=True, help="Model the readings over maps of the depth of any body that touches.")
@@ -48,8 +49,14 @@ def command(
 
     With --contact, DIR is a scene instead: model its pad under bodies of any shape, from maps of their depth below its
     top: readings, force, centre of pressure and area of contact. Balls and rods are solved until the error is reached;
-    an interrupted run goes on where it was. Read the file with `mitsuba_taxel.surrogates.read_contact_model`.
+    an interrupted run goes on where it was. Read the file with `mitsuba_taxel.surrogates.read_contact_model`. If the
+    name of the output ends in .onnx, any ONNX runtime reads it; if it ends in .py, it is a Python file that needs JAX
+    alone, with derivatives. An .npz file as DIR is written in another form, without computing it again.
     """
+    if contact and source.suffix == ".npz":
+        given = {"--depth": depth, "--error": error, "--spacing": spacing, "-D": defines or None}
+        _convert_contact(ctx, source, output, given, as_json)
+        return
     if contact:
         if depth is None:
             raise click.UsageError("--contact needs --depth, the largest depth in mm.", ctx)
@@ -59,6 +66,8 @@ def command(
     for name, value in given.items():
         if value is not None:
             raise click.UsageError(f"{name} needs --contact.", ctx)
+    if output is not None and output.suffix != ".onnx":
+        raise click.UsageError(f"{output.suffix} needs --contact: the model of a study is an .onnx file.", ctx)
     _export_study(source, output or Path("model.onnx"), as_json)
 
 
@@ -77,6 +86,22 @@ def _export_study(folder: Path, output: Path, as_json: bool) -> None:
         return
     print_result(printed_model(files, notes))
     say(f"Results: {output}")
+
+
+def _convert_contact(
+    ctx: click.Context, source: Path, output: Path | None, given: dict[str, Any], as_json: bool
+) -> None:
+    from mitsuba_taxel.surrogates import read_contact_model, write_contact_model
+
+    from ..tables import print_json, say
+
+    for name, value in given.items():
+        if value is not None:
+            raise click.UsageError(f"{name} needs a scene: {source} is a model already.", ctx)
+    if output is None:
+        raise click.UsageError("-o is needed: the name of the other form, which ends in .onnx or .py.", ctx)
+    write_contact_model(read_contact_model(source), output)
+    print_json({"file": str(output)}) if as_json else say(f"Results: {output}")
 
 
 def _export_contact(
