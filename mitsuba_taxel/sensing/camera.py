@@ -96,8 +96,9 @@ class CameraImage:
 
     @property
     def relative_error(self) -> float:
-        """Root mean square, over all pixels that show the coat and are not black, of the standard error by the light
-        relative to the radiance."""
+        """Root mean square of the relative error by the light of all pixels that show the coat and are not black. For a
+        pixel, it is the norm of the standard errors of its colours relative to the norm of its colours: a pixel may be
+        dark in one of them."""
         return _relative_error(self.radiance, self.standard_error, self.coat)
 
     @property
@@ -286,8 +287,9 @@ def _mean_and_error(images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _relative_error(radiance: np.ndarray, standard_error: np.ndarray, coat: np.ndarray) -> float:
-    """Root mean square of the relative error of all pixels that show the coat and are not black; NaN without these."""
-    mean, error = radiance[coat], standard_error[coat]
+    """Root mean square of the relative error of all pixels that show the coat and are not black; NaN without these. The
+    colours of a pixel count together."""
+    mean, error = (np.linalg.norm(values[coat], axis=-1) for values in (radiance, standard_error))
     bright = mean > 0
     return float(np.sqrt(np.square(error[bright] / mean[bright]).mean())) if bright.any() else math.nan
 

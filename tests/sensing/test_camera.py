@@ -87,7 +87,8 @@ def test_an_image_is_written_with_its_errors_and_its_depth(llvm_mono, tmp_path):
     picture = write_image(image, tmp_path / "image.exr")
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
         channels = {name: channel.pixels for name, channel in file.channels().items()}
-    assert set(channels) == {"Y", "standard_error.Y", "mechanics_error.Y", "depth", "coat"} | {f"displacement.{a}" for a in "xyz"}
+    of_pixels = {"Y", "standard_error.Y", "mechanics_error.Y", "depth", "coat"}
+    assert set(channels) == of_pixels | {f"displacement.{a}" for a in "xyz"}
     assert np.array_equal(channels["Y"], image.radiance[..., 0].astype(np.float32))
     assert np.array_equal(channels["depth"], image.depth.astype(np.float32), equal_nan=True)
     assert np.array(mi.Bitmap(str(picture))).max() == 255

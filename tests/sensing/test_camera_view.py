@@ -87,7 +87,8 @@ def test_a_difference_is_that_of_two_images_with_less_noise(llvm_mono, tmp_path)
     write_image(loaded, tmp_path / "image.exr", {"scene": "own"})
     image, about = read_image(tmp_path / "image.exr")
     assert about == {"scene": "own"}
-    for name in ("mechanics_error", "displacement", "contact_pressure", "difference", "difference_error", "depth", "coat", "radiance"):
+    np.testing.assert_allclose(image.mechanics_error, loaded.mechanics_error, rtol=1e-6, atol=1e-9)
+    for name in ("displacement", "contact_pressure", "difference", "difference_error", "depth", "coat", "radiance"):
         np.testing.assert_allclose(getattr(image, name), getattr(loaded, name), rtol=1e-6, atol=1e-9)
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
         assert {"difference.Y", "difference_error.Y", "contact_pressure", "displacement.z"} <= set(file.channels())

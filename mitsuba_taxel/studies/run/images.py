@@ -152,7 +152,8 @@ def _compute(
     numbers = {job.number for job in jobs}
     failures = {number: failure for number, failure in store.failures().items() if number in numbers}
     stored = {job.number: (job, store.facts(job.number, job.parameters)) for job in jobs}
-    errors = {number: kept["relative_total_error"] for number, (job, kept) in stored.items() if kept and is_enough(kept, job)}
+    enough = {number: kept for number, (job, kept) in stored.items() if kept and is_enough(kept, job)}
+    errors = {number: kept["relative_total_error"] for number, kept in enough.items()}
     finished = errors.keys() | failures.keys()
     remaining: Any = ([job for job in along if job.number not in finished] for along in curves.values())
     done: Any

@@ -174,7 +174,7 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
         due to the light, ``relative_mechanics_error`` and ``relative_total_error``, see `CameraImage`; ``samples`` of
         each pixel and replicate; ``coat_share``, the part of the image that shows the coat; ``white``, its radiance
         that is white in a picture; ``seconds``; and numbers of the deformed pad, such as ``reaction_fz`` in N, with
-        their errors, such as ``reaction_fz_error``. The attributes are those of `sweep`.
+        their errors, such as ``reaction_fz_error``, NaN if unknown. The attributes are those of `sweep`.
 
     Raises
     ------

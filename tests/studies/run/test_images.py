@@ -13,6 +13,8 @@ from mitsuba_taxel import InputError, open_study, sweep
 from mitsuba_taxel.sensing import Scene, find_scene
 from mitsuba_taxel.sensing.camera import camera_image
 from mitsuba_taxel.sensing.image_file import read_image
+from mitsuba_taxel.sensing.reading.pad_results import pad_results
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 from mitsuba_taxel.studies import run_study
 from mitsuba_taxel.studies.store.image_folder import open_images
 from mitsuba_taxel.studies.store.status import study_status
@@ -72,7 +74,13 @@ def test_a_study_has_pictures_a_table_and_a_contact_sheet(images):
     assert (folder / "contact_sheet.png").is_file()
     (state,) = study_status(folder)
     assert (state.done, state.failed, state.total) == (3, 0, 3)
-    assert state.error == pytest.approx(float(table.relative_error.max()))
+    assert state.error == pytest.approx(float(table.relative_total_error.max()))
+    parts = np.hypot(listed.relative_error, listed.relative_mechanics_error)
+    assert listed.relative_total_error.tolist() == pytest.approx(parts.tolist())
+    # The force is that on finer elements, within twice its stated error.
+    (pad,) = deformed_pads(Scene.from_file("gel.xml", **SMALL, x="4").with_mesh_size(1.2).load())
+    finer = pad_results([pad.state], with_errors=False)["reaction_fz"].value
+    assert 0 < abs(listed.reaction_fz_N[2] - finer) < 2 * listed.reaction_fz_error_N[2] < 0.5 * abs(finer)
     with pytest.raises(InputError, match="holds images of a camera, not readings"):
         open_study(folder)
 
