@@ -40,10 +40,10 @@ def check_camera(scene: Scene, objects: SceneObjects) -> list[Finding]:
     list[Finding]
         An error, or nothing.
     """
-    from mitsuba_taxel.sensing.camera_view import refuse_large_films, view_of
+    from mitsuba_taxel.sensing.camera_view import refuse_unseen, view_of
 
     try:
-        refuse_large_films(scene)
+        refuse_unseen(scene)
         view_of(scene.load())
     except (InputError, ComputationError) as error:
         return [Finding("error", str(error), objects.file, 0, stopped=isinstance(error, ComputationError))]

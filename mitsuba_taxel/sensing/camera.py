@@ -17,8 +17,9 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.arguments import check_flags, check_seed, check_whole, is_number
 from mitsuba_taxel.base.convergence import COARSENING, LOCAL_ORDER
 from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.pads.regions import REGIONS
-from mitsuba_taxel.sensing.camera_view import REPLICATES, View, refuse_large_films, view_of
+from mitsuba_taxel.sensing.camera_view import REPLICATES, View, refuse_unseen, view_of
 from mitsuba_taxel.sensing.reading.mechanics_error import mechanics_deviations, moved
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, loaded_pads
@@ -36,6 +37,8 @@ RELATIVE_ERRORS = "relative_error", "relative_mechanics_error", "relative_total_
 """Names of the errors of a `CameraImage` that summarise its pixels."""
 ERROR_REPLICATES = 4
 """Number of replicates whose light is traced again for the error of the finite elements."""
+UNTOUCHED = "the indenter does not touch the pad: place it above the pad (indenter_x, indenter_y), or press it deeper"
+"""Note on an image without a print."""
 SLOPE_SHARE = 1 / (COARSENING**LOCAL_ORDER - 1)
 """Error of a pixel by the finite elements, relative to its change on elements of twice the size: images show the slope
 of the coat, which is a gradient."""
@@ -78,6 +81,8 @@ class CameraImage:
         Radiance minus that of the same scene with unloaded pads, if requested. Both have the same random numbers.
     difference_error : (H, W, C) ndarray or None
         Standard error of the difference, 1 sigma.
+    notes : tuple of str
+        Remarks, such as on an indenter that does not touch the pad.
     """
 
     radiance: np.ndarray
@@ -93,6 +98,7 @@ class CameraImage:
     seconds: float
     difference: np.ndarray | None = None
     difference_error: np.ndarray | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def relative_error(self) -> float:
@@ -162,7 +168,7 @@ def camera_image(
         raise InputError(f"target_error = {target_error!r} is not allowed: a number between 0 and 1 is needed.")
     check_flags(difference=difference)
     if isinstance(scene, Scene):
-        refuse_large_films(scene)
+        refuse_unseen(scene)
     live = scene.load() if isinstance(scene, Scene) else scene
     view = view_of(live)
     began = time.perf_counter()
@@ -205,8 +211,14 @@ def camera_image(
         replicates=REPLICATES,
         seed=seed,
         seconds=time.perf_counter() - began,
+        notes=tuple(UNTOUCHED for pad in loaded_pads(live) if pad.load.indenter is not None and not _is_touched(pad)),
         **changes,
     )
+
+
+def _is_touched(pad: PadShape) -> bool:
+    """Whether the indenter touches a pad."""
+    return pad.contact_pressure is not None and bool(pad.contact_pressure.any())
 
 
 def _replicates(

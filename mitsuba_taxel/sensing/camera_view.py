@@ -11,7 +11,7 @@ import numpy as np
 
 from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.backend.plugin_objects import kind_of
-from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
 from mitsuba_taxel.kernels.protocols import PadShape, is_led, is_pad, is_phototransistor
 from mitsuba_taxel.pads.regions import REGIONS
@@ -133,6 +133,27 @@ def refuse_large_films(scene: Scene) -> None:
         sizes = film.get("crop_width", width), film.get("crop_height", height)
         if all(isinstance(size, int) for size in sizes):
             _refuse_large(*sizes)
+
+
+def refuse_unseen(scene: Scene) -> None:
+    """Refuse a scene whose image cannot be computed, as far as its unloaded pads tell, before loads are solved.
+
+    Parameters
+    ----------
+    scene : Scene
+        Description of the scene.
+
+    Raises
+    ------
+    InputError
+        as of `refuse_large_films` and `view_of`.
+    """
+    refuse_large_films(scene)
+    try:
+        at_rest = scene.load_at_rest()
+    except (InputError, ComputationError):  # it is raised again, with all of its reason, when the scene is loaded
+        return
+    view_of(at_rest)
 
 
 def _refuse_large(width: int, height: int) -> None:

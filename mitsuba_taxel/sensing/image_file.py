@@ -96,7 +96,7 @@ def write_exr(image: CameraImage, file: Path, about: Mapping[str, object] = Mapp
         "seed": str(image.seed),
         "samples": str(image.samples),
         "replicates": str(image.replicates),
-        ABOUT: json.dumps({"seconds": image.seconds, **about}),
+        ABOUT: json.dumps({"seconds": image.seconds, "notes": image.notes, **about}),
     }
     with replacing(file) as temporary, OpenEXR.File(header, pixels) as exr:
         exr.write(str(temporary))
@@ -143,6 +143,7 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
             replicates=int(header["replicates"]),
             seed=int(header["seed"]),
             seconds=float(about.pop("seconds")),
+            notes=tuple(about.pop("notes", ())),
             **changes,
         )
     return image, about
@@ -159,7 +160,7 @@ def read_image_facts(file: str | os.PathLike[str]) -> dict[str, Any]:
     Returns
     -------
     dict[str, Any]
-        The further facts of its header, ``seconds`` and ``samples``.
+        The further facts of its header, ``seconds``, ``notes`` and ``samples``.
 
     Raises
     ------

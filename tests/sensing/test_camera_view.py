@@ -9,6 +9,8 @@ import OpenEXR
 import pytest
 from camera_scene import DISTANCE, FIELD, HEIGHT, led, scene
 
+from mitsuba_taxel import InputError
+from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.camera import camera_image
 from mitsuba_taxel.sensing.camera_view import view_of
 from mitsuba_taxel.sensing.image_file import read_image, write_image
@@ -92,3 +94,17 @@ def test_a_difference_is_that_of_two_images_with_less_noise(llvm_mono, tmp_path)
         np.testing.assert_allclose(getattr(image, name), getattr(loaded, name), rtol=1e-6, atol=1e-9)
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
         assert {"difference.Y", "difference_error.Y", "contact_pressure", "displacement.z"} <= set(file.channels())
+
+
+@pytest.mark.parametrize("changes", [{"target": (0, 0, -40)}, {"origin": (0, 0, 30)}, {"top": {"type": "diffuse"}}])
+def test_a_camera_that_does_not_see_the_coat_is_refused_before_the_load_is_solved(llvm_mono, monkeypatch, changes):
+    monkeypatch.setattr(Scene, "load", lambda self: pytest.fail("the load was solved"))
+    with pytest.raises(InputError, match="the camera sees nothing|does not see the coat|the coat reflects nothing"):
+        camera_image(scene(led(*LED), load=pressed(0.0, -0.4), **changes), samples=1)
+
+
+@pytest.mark.parametrize(("x", "uz", "noted"), [(0.0, -0.2, False), (30.0, -0.2, True), (11.5, -0.1, True)])
+def test_an_indenter_beside_the_pad_is_noted(llvm_mono, x, uz, noted):
+    image = camera_image(scene(led(*LED), load=pressed(x, uz, mesh_size=3.0)), samples=1)
+    assert bool(image.notes) is noted is (not np.nansum(np.abs(image.displacement)))
+    assert not noted or "the indenter does not touch the pad" in image.notes[0]

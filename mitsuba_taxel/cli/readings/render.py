@@ -165,6 +165,7 @@ def _render_image(description, target_error, points, seed, difference, output, a
                 "replicates": image.replicates,
                 "seed": image.seed,
                 "seconds": image.seconds,
+                "notes": list(image.notes),
             }
         )
     else:
@@ -172,6 +173,8 @@ def _render_image(description, target_error, points, seed, difference, output, a
         tables.say(f"Image of {width} x {height} pixels: {file}, {picture}")
         tables.say(f"The coat fills {image.coat.mean():.1%} of it.")
         tables.say(f"Relative error of a pixel (root mean square): {errors}; light from {count}.")
+        for note in image.notes:
+            tables.say(f"{note[0].upper()}{note[1:]}.")
     if target_error is not None and not image.relative_total_error <= target_error:
         tables.end_beyond_target([f"target error {target_error:g} not reached: {errors}"])
 

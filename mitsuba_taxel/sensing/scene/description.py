@@ -228,6 +228,32 @@ class Scene(Displayed):
             heed_packages(live)
             return live
 
+    def load_at_rest(self) -> mi.Scene:
+        """Build the ``mi.Scene`` like `load`, but without the loads of its pads.
+
+        Returns
+        -------
+        mi.Scene
+            The scene with unloaded pads, which rest on no package.
+
+        Raises
+        ------
+        InputError
+            if Mitsuba or a plugin refuses the description; the message is one line.
+        """
+        import mitsuba as mi
+
+        with stages.stage("load"), self.files_beside_it():
+            config = parser_config(activate_variant())
+            try:
+                state = self.parsed(config)
+                mi.parser.transform_all(config, state)
+                for pad in pads_of(state):
+                    take_load(pad)
+                return mi.parser.instantiate(config, state)
+            except RuntimeError as error:
+                raise as_own_error(error, self) from error
+
     def _refuse_contact(self, config: mi.parser.ParserConfig) -> None:
         """Raise if a pad touches a package before the end of its load path. The mechanics of a pad alone does not
         detect this contact."""

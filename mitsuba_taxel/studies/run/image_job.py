@@ -10,6 +10,7 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.camera import RELATIVE_ERRORS, camera_image
+from mitsuba_taxel.sensing.camera_view import refuse_unseen
 from mitsuba_taxel.sensing.image_file import white_level, write_exr
 from mitsuba_taxel.sensing.reading.pad_results import pad_results
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
@@ -47,7 +48,9 @@ def image_of(job: ImageJob) -> ImageResult:
 def _image_of(job: ImageJob) -> ImageResult:
     """Compute the image of a job's scene in the current variant of Mitsuba."""
     with stages.record() as seconds:
-        live = Scene(job.file, job.parameters, job.mesh_size).load()
+        scene = Scene(job.file, job.parameters, job.mesh_size)
+        refuse_unseen(scene)
+        live = scene.load()
         with stages.stage("optics"):
             image = camera_image(
                 live, samples=job.samples, target_error=job.target_error, seed=job.seed, difference=job.difference

@@ -223,6 +223,9 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
     notes = []
     if missing := math.prod(shape) - len(facts) - len(failures):
         notes.append(f"{missing} of {math.prod(shape)} scenes have no image yet: the same command computes them")
+    for note in sorted({note for kept in facts.values() for note in kept.get("notes", ())}):
+        count = sum(note in kept.get("notes", ()) for kept in facts.values())
+        notes.append(f"in {count} of {len(facts)} images, {note}")
     target, worst = about["target_error"], float(np.nanmax(numbers["relative_total_error"], initial=0.0))
     if target is not None and worst > target:
         notes.append(f"target error {target:g} not reached: the total error of a pixel is up to {worst:.2g}")
