@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 FIRST, FURTHER, MOST = 8, 4, 40
 """Number of bodies that are solved first, then each time while the error is too large, and at most."""
 ENDINGS = (".npz", ".onnx", ".py")
-FORMAT = 1
-"""Version of the file format."""
+FORMAT = 2
+"""Version of the file format; files of version 1 have no lateral displacements."""
 UNITS = {
     "x": "mm, centres of the columns",
     "y": "mm, centres of the rows, descending",
@@ -43,6 +43,7 @@ UNITS = {
     "gradient": "W/N, by the force on each covered patch",
     "largest_depth": "mm",
     "places": "mm, lowest and highest centre of pressure, x and y",
+    "lateral": "mm/N, mean displacement of a covered patch along x and y by a force on each",
     "second_reading": "1, factors of the relative change, and of depth over height",
     "second_force": "1, factors of depth over height, and of the root of the area over height",
 }
@@ -212,8 +213,10 @@ def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, 
     arrays: dict[str, Any] = {
         name.name: np.asarray(getattr(model, name.name))
         for name in fields(model)
-        if name.name not in ("second", "errors")
+        if name.name not in ("second", "errors", "lateral")
     }
+    if file.suffix == ".npz" and model.lateral is not None:
+        arrays["lateral"] = model.lateral
     if model.second is not None:
         arrays |= {"second_reading": model.second.reading, "second_force": model.second.force}
     text = {

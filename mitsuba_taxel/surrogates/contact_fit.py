@@ -92,10 +92,11 @@ def contact_model(
         raise InputError(f"taxel {dark[0] + 1} receives no light at rest, so that its reading has no relative change.")
 
     # One back-solve for each patch gives its column of the compliance, and its part of the gradient.
-    compliance, gradient = [], []
+    compliance, gradient, lateral = [], [], []
     for done, displacement in enumerate(patch_responses(linearise(state), weights), start=1):
         compliance.append(-(weights @ displacement[:, 2]))
         gradient.append(light.along(displacement))
+        lateral.append(weights @ displacement[:, :2])
         if progress is not None:
             progress(done, weights.shape[0])
     matrix = np.array(compliance)
@@ -110,6 +111,7 @@ def contact_model(
         gradient=np.array(gradient).T,
         largest_depth=float(depth),
         places=_inner_places(grid),
+        lateral=np.array(lateral).transpose(2, 1, 0),
     )
 
 

@@ -17,9 +17,10 @@ from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.surrogates.contact_pressures import contact_forces
 
-NOT_A_NUMBER, TOO_DEEP, TOO_FAR, NOT_RESOLVED, NOT_SOLVED = 1, 2, 4, 8, 16
-"""Bits of the status of a touch: a depth that is not a number, or is infinite; a depth beyond the largest of the model;
-a centre of pressure beyond its places; contact of few patches, unless it is light; contact that was not solved."""
+NOT_A_NUMBER, TOO_DEEP, TOO_FAR, NOT_RESOLVED, NOT_SOLVED, PULLS = 1, 2, 4, 8, 16, 32
+"""Bits of the status of a touch: a depth or a force that is not a number, or is infinite; a depth beyond the largest of
+the model; a centre of pressure beyond its places; contact of few patches, unless it is light; contact that was not
+solved; a force that pulls on the pad."""
 FEW_PATCHES, LIGHT = 4, 0.25
 """Number of patches below which contact is not resolved, and fraction of the largest depth up to which such a touch is
 light: its forces are wrong by a fifth and more, but small."""
@@ -44,8 +45,8 @@ class ContactReadings(NamedTuple):
         Mean contact pressure of each patch in MPa.
     status : (B,) ndarray of int
         0 if the contact is within the range of the model; otherwise the sum of the codes that apply: `NOT_A_NUMBER` 1,
-        `TOO_DEEP` 2, `TOO_FAR` 4, `NOT_RESOLVED` 8 and `NOT_SOLVED` 16. With 1 or 16, the other results are NaN; else
-        they are extrapolated, or inaccurate.
+        `TOO_DEEP` 2, `TOO_FAR` 4, `NOT_RESOLVED` 8, `NOT_SOLVED` 16 and, for given forces, `PULLS` 32. With 1 or 16, the other results are NaN;
+        else they are extrapolated, or inaccurate.
     """
 
     power: np.ndarray
@@ -139,6 +140,8 @@ class ContactModel(Displayed):
         Second-order terms, a `SecondOrder`; None for a linear model.
     errors : NamedTuple or None
         Errors on bodies that were left out, `LearntErrors`; None for a linear model, whose error is not known.
+    lateral : (2, M, M) ndarray or None
+        Mean displacement of each patch along x and y in mm, per N on each; None in files of an earlier version.
     """
 
     x: np.ndarray
@@ -153,6 +156,7 @@ class ContactModel(Displayed):
     places: np.ndarray
     second: SecondOrder | None = None
     errors: LearntErrors | None = None
+    lateral: np.ndarray | None = None
 
     @property
     def points(self) -> np.ndarray:
@@ -189,6 +193,79 @@ class ContactModel(Displayed):
         forces[~finite] = np.nan
         solved = np.isfinite(forces).all(axis=1)
 
+        readings = self._readings(forces, deepest)
+        few = np.count_nonzero(forces > 0, axis=1)
+        few = (few > 0) & (few < FEW_PATCHES) & (deepest > LIGHT * self.largest_depth)
+        flags = {NOT_A_NUMBER: ~finite, NOT_RESOLVED: few, NOT_SOLVED: finite & ~solved}
+        return readings._replace(status=readings.status + _bits(flags))
+
+    def from_forces(self, force: np.ndarray) -> ContactReadings:
+        """Compute readings from maps of contact forces that are known, as physics engines give them.
+
+        Parameters
+        ----------
+        force : (B, rows, columns) or (rows, columns) ndarray
+            Normal force of the bodies on each patch in N, above 0 for compression: B maps, of one pad each. Forces
+            beside the top, where `covered` is false, must be 0. `force_maps` makes them from lists of contacts.
+
+        Returns
+        -------
+        ContactReadings
+            Results; the area is that of all patches with a force. B is 1 for a single map.
+
+        Raises
+        ------
+        InputError
+            if the map has another grid, or a force beside the top.
+        """
+        force = self._checked(force, "force")
+        if np.any(np.nan_to_num(force[:, ~self.covered])):
+            raise InputError("force beside the top of the pad is not allowed: it must be 0 where covered is false.")
+        finite = np.isfinite(force).all(axis=(1, 2))
+        forces = np.where(finite[:, None], force[:, self.covered], np.nan)
+        deepest = (forces @ self.compliance).max(axis=1)
+        if self.second is not None:
+            # Forces of the linear model, of which these are a multiple, which is the root of a quadratic equation.
+            patches = np.count_nonzero(forces > 0, axis=1)
+            deep, wide = self.second.force / self.height * np.array([1.0, np.sqrt(self.size[0] * self.size[1])])
+            half = 0.5 * (1 + wide * np.sqrt(patches))
+            square = half**2 + deep * np.maximum(deepest, 0.0)
+            ratio = half + np.sqrt(np.where(square >= 0, square, np.nan))
+            forces, deepest = forces / ratio[:, None], deepest / ratio
+        readings = self._readings(forces, deepest)
+        pulls = (forces < 0).any(axis=1)
+        flags = {NOT_A_NUMBER: ~finite, NOT_SOLVED: finite & np.isnan(deepest), PULLS: pulls}
+        return readings._replace(status=readings.status + _bits(flags))
+
+    def displacement(self, depth: np.ndarray) -> np.ndarray:
+        """Displacement of the top under bodies, to first order, as for markers on it.
+
+        Parameters
+        ----------
+        depth : (B, rows, columns) or (rows, columns) ndarray
+            Maps of depth as for a call of the model.
+
+        Returns
+        -------
+        (B, rows, columns, 3) ndarray
+            Mean displacement of each patch in mm; NaN beside the top, and where a depth is not a number.
+
+        Raises
+        ------
+        InputError
+            if the map has another grid, or the model is from a file without lateral displacements.
+        """
+        if self.lateral is None:
+            raise InputError("this model has no lateral displacements: export it again.")
+        depth = self._checked(depth)
+        forces = contact_forces(self.compliance, self._means(depth)[:, self.covered])
+        forces[~np.isfinite(depth).all(axis=(1, 2))] = np.nan
+        moved = np.full((*depth.shape, 3), np.nan)
+        moved[:, self.covered] = np.stack([*(forces @ self.lateral.transpose(0, 2, 1)), -forces @ self.compliance], -1)
+        return moved
+
+    def _readings(self, forces: np.ndarray, deepest: np.ndarray) -> ContactReadings:
+        """Results for forces (B, M) of the linear model in N and greatest depths (B,) in mm, with the flags of both."""
         # Their sum, and their moments about the x and y axes.
         change = forces @ self.gradient.T
         points, area = self.points[self.covered][:, :2], self.size[0] * self.size[1]
@@ -203,20 +280,9 @@ class ContactModel(Displayed):
             ratio = 1 + np.stack([deep, wide], axis=1) @ self.second.force
             forces, total, about = forces * ratio[:, None], total * ratio, about * ratio[:, None]
         zero = 0 * total  # NaN where that is
-        pressure = np.zeros(depth.shape) + zero[:, None, None]
+        pressure = np.zeros((len(forces), *self.covered.shape)) + zero[:, None, None]
         pressure[:, self.covered] = forces / area
-
-        # Which touches are beyond the range of the model.
         far = (centre < self.places[0]) | (centre > self.places[1])
-        few = (patches > 0) & (patches < FEW_PATCHES) & (deepest > LIGHT * self.largest_depth)
-        flags = {
-            NOT_A_NUMBER: ~finite,
-            TOO_DEEP: deepest > self.largest_depth,
-            TOO_FAR: far.any(axis=1),
-            NOT_RESOLVED: few,
-            NOT_SOLVED: finite & ~solved,
-        }
-        status = sum(np.where(flag, bit, 0) for bit, flag in flags.items())
         return ContactReadings(
             power=self.rest + change,
             force=np.stack([zero, zero, -total], axis=1),
@@ -224,20 +290,20 @@ class ContactModel(Displayed):
             centre=centre,
             area=area * patches + zero,
             pressure=pressure,
-            status=np.asarray(status),
+            status=_bits({TOO_DEEP: deepest > self.largest_depth, TOO_FAR: far.any(axis=1)}),
         )
 
-    def _checked(self, depth: np.ndarray) -> np.ndarray:
-        """Convert depth maps to an array (B, rows, columns); raises `InputError` if that is not possible."""
+    def _checked(self, values: np.ndarray, name: str = "depth") -> np.ndarray:
+        """Convert maps to an array (B, rows, columns); raises `InputError` if that is not possible."""
         try:
-            maps = np.asarray(depth, dtype=float)
+            maps = np.asarray(values, dtype=float)
         except (TypeError, ValueError):
             maps = np.zeros(0)
         maps = maps[None] if maps.ndim == 2 else maps
         if maps.ndim != 3 or maps.shape[1:] != self.covered.shape:
             rows, columns = self.covered.shape
             raise InputError(
-                f"depth of shape {np.shape(depth)} is not allowed: maps of {rows} rows and {columns} columns are "
+                f"{name} of shape {np.shape(values)} is not allowed: maps of {rows} rows and {columns} columns are "
                 "needed, at the points of the model."
             )
         return maps
@@ -254,3 +320,8 @@ class ContactModel(Displayed):
             below = (before > 0) & (own > 0) & (after > 0)
             into[..., 1:-1] += np.where(below, (before - 2 * own + after) / 24, 0.0)
         return means
+
+
+def _bits(flags: dict[int, np.ndarray]) -> np.ndarray:
+    """Sum (B,) of the bits whose flag (B,) is true."""
+    return np.asarray(sum(np.where(flag, bit, 0) for bit, flag in flags.items()))

@@ -93,6 +93,10 @@ def test_the_forces_hold_the_pad_at_the_depth_of_the_body_and_balance_the_board(
     means = model._means(np.maximum(*shallow)[None])[0].ravel()
     np.testing.assert_allclose(down[touching], means[touching], rtol=2e-3)
     assert (down[~touching] > means[~touching]).all()
+    top = model.displacement(np.maximum(*shallow))[0].reshape(-1, 3)
+    moved = weights @ state.displacement
+    np.testing.assert_allclose(top, moved, rtol=0, atol=2e-3 * np.abs(moved).max())
+    assert np.abs(moved[:, :2]).max() > 0.05 * np.abs(moved).max()
     assert readings.area == pytest.approx(np.count_nonzero(touching) * np.prod(model.size))
 
 

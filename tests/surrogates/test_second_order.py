@@ -121,11 +121,14 @@ def test_solved_states_are_kept_and_those_of_another_pad_refused(tmp_path):
 def test_a_file_gives_the_same_model(tmp_path, learnt):
     linear = linear_model()
     model = with_second_order(linear, made_up(linear, 8, (0.8, 0.3), (0.1, 0.0))) if learnt else linear
+    model = replace(model, lateral=np.stack([linear.compliance, 2 * linear.compliance])) if learnt else model
     write_contact_model(model, tmp_path / "pad.npz", {"scene": "pad.xml"})
     copied = read_contact_model(tmp_path / "pad.npz")
     depth = touches(model, 1)[0].below(model.points, 0.2)
     for own, other in zip(model(depth), copied(depth), strict=True):
         np.testing.assert_array_equal(own, other)
+    assert copied.lateral is None or np.array_equal(copied.lateral, model.lateral)
+    assert (copied.lateral is not None) == learnt
     assert copied.errors == model.errors and copied.size == model.size
     np.testing.assert_array_equal(copied.places, model.places)
     with np.load(tmp_path / "pad.npz", allow_pickle=False) as content:
@@ -141,11 +144,11 @@ def test_other_files_are_refused(tmp_path, monkeypatch):
             read_contact_model(tmp_path / "pad.npz")
     with pytest.raises(InputError, match="no model of contact"):
         read_contact_model(tmp_path / "none.npz")
-    monkeypatch.setattr("mitsuba_taxel.surrogates.contact_export.FORMAT", 2)
+    monkeypatch.setattr("mitsuba_taxel.surrogates.contact_export.FORMAT", 3)
     write_contact_model(linear_model(), tmp_path / "pad.npz")
     monkeypatch.undo()
-    with pytest.raises(InputError, match=r"later version of the format \(2\)"):
+    with pytest.raises(InputError, match=r"later version of the format \(3\)"):
         read_contact_model(tmp_path / "pad.npz")
-    np.savez(tmp_path / "pad.npz", about='{"format": 1, "errors": null}', size=[1.0, 1.0])
+    np.savez(tmp_path / "pad.npz", about='{"format": 2, "errors": null}', size=[1.0, 1.0])
     with pytest.raises(InputError, match="no complete model"):
         read_contact_model(tmp_path / "pad.npz")
