@@ -45,7 +45,8 @@ class ContactReadings(NamedTuple):
         Mean contact pressure of each patch in MPa.
     status : (B,) ndarray of int
         0 if the contact is within the range of the model; otherwise the sum of the codes that apply: `NOT_A_NUMBER` 1,
-        `TOO_DEEP` 2, `TOO_FAR` 4, `NOT_RESOLVED` 8, `NOT_SOLVED` 16 and, for given forces, `PULLS` 32. With 1 or 16, the other results are NaN;
+        `TOO_DEEP` 2, `TOO_FAR` 4, `NOT_RESOLVED` 8, `NOT_SOLVED` 16 and, for given forces, `PULLS` 32. With 1 or 16,
+        the other results are NaN;
         else they are extrapolated, or inaccurate.
     """
 
