@@ -46,6 +46,35 @@ _WALLS = """
             </bsdf>"""
 
 
+class SceneLoad(NamedTuple):
+    """Load of the scene, as XML: the defaults of its parameters, and its parameters."""
+
+    defaults: str
+    parameters: str
+
+
+INDENTER = SceneLoad(
+    """\
+    <default name="indenter" value="sphere"/>
+    <default name="radius" value="1"/>
+    <default name="friction" value="{friction:g}"/>""",
+    """\
+        <string name="load" value="indenter_displacement"/>
+        <string name="indenter" value="$indenter"/> <float name="indenter_radius" value="$radius"/>
+        <float name="indenter_x" value="$x"/> <float name="indenter_y" value="$y"/>
+        <float name="friction" value="$friction"/>
+        <vector name="displacement" value="0, 0, $uz"/>""",
+)
+PLATE = SceneLoad(
+    "",
+    """\
+        <string name="load" value="plate_wrench"/>
+        <float name="load_x" value="$x"/> <float name="load_y" value="$y"/>
+        <vector name="force" value="0, 0, $uz"/>""",
+)
+"""An indenter that moves by uz in mm, and a plate on which a force uz in N acts, at (x, y)."""
+
+
 class PadAssumptions(NamedTuple):
     """Assumed values of parameters of the measured pad that are not published.
 
@@ -213,8 +242,8 @@ def centre_of(taxel: int) -> tuple[float, float]:
     return (column - SIDE // 2) * measured.PITCH, (SIDE // 2 - row) * measured.PITCH
 
 
-def write_scene(file: Path, assumed: PadAssumptions = AS_FITTED) -> None:
-    """Write the scene of the pad to a file; the folder is created if it does not exist."""
+def write_scene(file: Path, assumed: PadAssumptions = AS_FITTED, load: SceneLoad = INDENTER) -> None:
+    """Write the scene of the pad under a load to a file; the folder is created if it does not exist."""
     board = -(assumed.collar + measured.PACKAGE_HEIGHT)
     around = measured.CORE + (SIDE - 1) * measured.PITCH
     values = {
@@ -224,11 +253,12 @@ def write_scene(file: Path, assumed: PadAssumptions = AS_FITTED) -> None:
         "core": measured.CORE,
         "free": measured.CORE_HEIGHT - assumed.collar,
         "poisson_ratio": assumed.poisson_ratio,
-        "friction": assumed.friction,
         "walls": _WALLS.format(walls=assumed.walls) if assumed.walls else "",
         "board": board,
         "reach": measured.PAD_SIDE / 2,
         "grid": _grid(board),
+        "load": load.parameters,
+        "defaults": load.defaults.format(friction=assumed.friction),
         "mesh_size": MESH_SIZE,
     }
     file.parent.mkdir(parents=True, exist_ok=True)

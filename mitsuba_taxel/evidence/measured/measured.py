@@ -70,6 +70,46 @@ HELD_MAP = (
 """Travel in mm at which taxel 13 is held, and the relative changes of all taxels, in percent of the change of taxel 13.
 """
 
+
+class HeldPress(NamedTuple):
+    """Record of a taxel that is held: travel of the indenter in mm, force in N, change of its own voltage relative to
+    rest, and the relative changes of all taxels in percent of this change, arranged as on the board."""
+
+    travel: float
+    force: float
+    change: float
+    changes: tuple[tuple[float, ...], ...]
+
+
+HELD_PRESSES = {
+    13: HeldPress(HELD_AT, 1.723, HELD_SHARE, HELD_MAP),
+    17: HeldPress(
+        1.421,
+        1.458,
+        0.1865,
+        (
+            (0.1, -1.3, -0.4, -0.8, -1.0),
+            (8.3, 12.0, 10.4, 2.6, -0.6),
+            (29.1, 56.2, 34.1, 6.9, 0.1),
+            (49.8, 100.0, 57.9, 9.2, -0.4),
+            (25.4, 36.8, 22.0, 1.3, -0.6),
+        ),
+    ),
+    5: HeldPress(
+        1.798,
+        1.756,
+        0.1677,
+        (
+            (-1.7, -3.1, 19.9, 56.7, 100.0),
+            (-2.0, -0.6, 11.4, 28.3, 47.3),
+            (-1.3, -1.0, 2.5, 7.3, 8.6),
+            (-1.3, -2.0, -2.8, -1.0, -0.5),
+            (-0.8, -1.4, -1.6, -1.8, -0.9),
+        ),
+    ),
+}
+"""Records of held taxels by number."""
+
 TAIL_TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 TAIL_VOLTS = (45.7e-3, 20.8e-3, 12.3e-3, 7.4e-3, 4.9e-3, 3.0e-3, 2.0e-3, 0.9e-3)
 """Remaining voltage against the time in s after release from the hold."""

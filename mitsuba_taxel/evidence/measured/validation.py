@@ -15,16 +15,18 @@ from mitsuba_taxel.characterise.wording import with_error
 from mitsuba_taxel.evidence.measured import measured, memory_fit, validation_figures
 from mitsuba_taxel.evidence.measured.bench_pad_in_time import Prony
 from mitsuba_taxel.evidence.measured.cycles import PER_FORCE, circuit_at_rest, cycle, figures
+from mitsuba_taxel.evidence.measured.dead_weights import weights
 from mitsuba_taxel.evidence.measured.pad_assumptions import tried
 from mitsuba_taxel.evidence.measured.pad_comparison import results
 from mitsuba_taxel.evidence.measured.page.assumptions import assumptions_section
+from mitsuba_taxel.evidence.measured.page.dead_weights import weights_section
 from mitsuba_taxel.evidence.measured.page.memory import memory_section
 from mitsuba_taxel.evidence.measured.page.pad import pad_section
 from mitsuba_taxel.evidence.measured.page.rest import rest_section
 from mitsuba_taxel.evidence.measured.page.softening import softening_section
 from mitsuba_taxel.evidence.measured.rest_spread import spread
 from mitsuba_taxel.evidence.measured.sideways import FORCES, largest_slope, pushed
-from mitsuba_taxel.evidence.measured.softening import first_loading
+from mitsuba_taxel.evidence.measured.softening import first_loading, paper_loading
 from mitsuba_taxel.evidence.paper import paper
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
@@ -59,7 +61,12 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
         pad_section(fitted, pictures),
         assumptions_section(fitted, tried(store, fitted)),
         memory_section(memory, pictures),
-        softening_section(first_loading(store, fitted.fitted, fitted.found.late)),
+        softening_section(
+            {taxel: first_loading(store, fitted.fitted, fitted.found.late, taxel) for taxel in measured.PRESSES},
+            paper_loading(store),
+            memory,
+        ),
+        weights_section(weights(store, fitted.fitted.height, round(fitted.found.modulus, 3))),
         rest_section(spread(store)),
         _vcnt2020(pictures),
         _tables(store, memory.terms, pictures),

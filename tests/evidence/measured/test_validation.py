@@ -79,16 +79,18 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
         ),
     )
     monkeypatch.setattr(memory_fit, "results", lambda store, press, late: memory)
-    monkeypatch.setattr(
-        validation, "results", lambda store: SimpleNamespace(fitted=None, found=SimpleNamespace(late=0.1))
-    )
+    found = SimpleNamespace(fitted=SimpleNamespace(height=8.0), found=SimpleNamespace(late=0.1, modulus=0.5))
+    monkeypatch.setattr(validation, "results", lambda store: found)
     rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 35.0, 10.0, 3.0, 1.0, 33.0)
     monkeypatch.setattr(validation, "spread", lambda store: rest)
     monkeypatch.setattr(validation, "pad_section", lambda found, pictures: "## A real pad under its indenter")
     monkeypatch.setattr(validation, "tried", lambda store, found: {})
     monkeypatch.setattr(validation, "assumptions_section", lambda found, tried: "### Other assumptions")
-    monkeypatch.setattr(validation, "first_loading", lambda store, press, late: None)
-    monkeypatch.setattr(validation, "softening_section", lambda study: "### Mullins' effect in one cell")
+    monkeypatch.setattr(validation, "first_loading", lambda store, press, late, taxel: None)
+    monkeypatch.setattr(validation, "paper_loading", lambda store: None)
+    monkeypatch.setattr(validation, "softening_section", lambda *studies: "### Mullins' effect in one cell")
+    monkeypatch.setattr(validation, "weights", lambda store, height, modulus: None)
+    monkeypatch.setattr(validation, "weights_section", lambda study: "## Dead weights")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()
     for words in (
         "Mullins' effect in one cell",

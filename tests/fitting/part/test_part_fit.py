@@ -123,7 +123,8 @@ def test_the_program(tmp_path):
     for words, said in (
         (("fit", "curve.csv", "-o", "out"), "--part says of which part"),
         (("fit", "study.toml", "--zero", "1", "-o", "out"), "--zero is not allowed without --part"),
-        (("fit", "curve.csv", "--part", "tcrt5000", "-o", "out"), "cannot be fitted"),
+        (("fit", "curve.csv", "--part", "tcrt5000", "-o", "none"), "cannot be fitted"),
     ):
         refused = run_program(tmp_path, *words)
         assert refused.returncode == 2 and said in refused.stderr and refused.stderr.count("\n") == 1
+    assert not (tmp_path / "none").exists()

@@ -1,0 +1,53 @@
+"""A section of the page of measured sensors: dead weights on the whole pad, a prediction."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from mitsuba_taxel.base.files.markdown import markdown_table
+from mitsuba_taxel.evidence.measured import measured
+from mitsuba_taxel.evidence.measured.dead_weights import slopes
+from mitsuba_taxel.evidence.paper.page.words import paragraph
+
+_HEADS = ("weight [N]", "off the middle [mm]", "mean slope [mV/N]", "least to largest", "sinking [mm]", "tilt [°]")
+
+
+def weights_section(study: xr.Dataset) -> str:
+    """The section of the page, from the states of :func:`weights`."""
+    slope, error = (1e3 * values for values in slopes(study))
+    largest = int(np.argmax(np.hypot(study.x, study.y).values))
+    rows = [
+        [
+            f"{float(study.force[k]):g}",
+            f"{float(np.hypot(study.x[k], study.y[k])):g}",
+            # Errors of taxels by the elements have a common cause: their mean is that of the mean.
+            f"{slope[k].mean():.2f} ± {error[k].mean():.2f}",
+            f"{slope[k].min():.2f} to {slope[k].max():.2f}",
+            f"{float(study.sinking[k]):.4f} ± {float(study.sinking_error[k]):.4f}",
+            f"{float(study.tilt[k]):.3f} ± {float(study.tilt_error[k]):.3f}" if k == largest else "0",
+        ]
+        for k in range(study.sizes["place"])
+    ]
+    moment = float(study.force[largest] * np.hypot(study.x, study.y)[largest])
+    per_moment = float(study.tilt[largest]) / moment
+    words = (
+        f"The tilt is proportional to the moment: {1e3 * per_moment:.1f} thousandths of a degree per N mm. A weight of "
+        f"2.4 N that is 3 to 4 mm off the middle tilts the plate by {2.4 * 3 * per_moment:.2f} to "
+        f"{2.4 * 4 * per_moment:.2f}°; one of 0.35 N by {0.35 * 3 * per_moment:.3f} to {0.35 * 4 * per_moment:.3f}°. "
+        "The mean slope hardly depends on the place of the weight. The stated errors are those of elements and light. "
+        "They leave out the assumptions: the plate covers the whole top and is bonded to it, the silicone and its "
+        "height are those fitted to taxel 13, and all taxels have its sensitivity. Taxels 17 and 5, pressed "
+        "themselves, change 1.30 and 0.97 times as much as computed."
+    )
+    return f"""\
+## Dead weights on the whole pad: a prediction
+This section is written before any comparison. Weights of 0.35 to 2.4 N stand on a rigid plate that is bonded to the
+whole top of the pad and tilts freely (`load="plate_wrench"`). Height and modulus of the silicone are those fitted to
+taxel 13; nothing else is fitted. All taxels have the mean voltage at rest, {measured.REST_VOLTAGE:g} V, and slopes are
+changes of the voltage from rest, divided by the weight; taxels are the 25 of the pad:
+
+{markdown_table(_HEADS, rows)}
+
+{paragraph(words)}
+"""
