@@ -82,17 +82,18 @@ debug_option = click.option(
 )
 defines_option = click.option(
     "-D", "defines", multiple=True, metavar="NAME=VALUE", callback=assignments,
-    help="Value of a parameter, a <default> of the scene; none removes the elements that use it. May be repeated.",
+    help="Value of a parameter (a <default> of the scene). The value none removes the elements that use it. May be "
+    "repeated.",
 )  # fmt: skip
 target_error_option = click.option(
     "--target-error",
     type=Fraction(),
-    help="Largest relative error of a reading, light and mechanics together, such as 0.2% or 0.002; the mesh is chosen "
-    "to reach it. If it is not reached, the exit code is 3.",
+    help="Largest relative error of a reading due to light and mechanics, such as 0.2% or 0.002; the mesh is chosen to "
+    "reach it. If it is not reached, the exit code is 3.",
     show_default="0.5% of the light alone",
 )
 seed_option = click.option(
-    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed of the randomisations."
+    "--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed of the random numbers."
 )
 target_slope_option = click.option(
     "--target-slope",
@@ -106,17 +107,17 @@ derivatives_option = click.option(
     default="",
     metavar="NAME,...",
     callback=lambda ctx, param, names: [name.strip() for name in names.split(",") if name.strip()],
-    help="Also compute derivatives of the readings with respect to parameters: fz,youngs_modulus,cell_size.",
+    help="Also compute derivatives of the readings with respect to these parameters, such as fz,cell_size.",
 )
 points_option = click.option(
     "--points", type=click.IntRange(min=1),
-    help="Number of light paths per taxel and randomisation, instead of a target error.",
+    help="Number of light paths per taxel and randomisation (an independent repetition), instead of a target error.",
 )
 time_budget_option = click.option(
     "--time-budget",
     type=_Duration(),
-    help="Largest duration, such as 60s, 500ms or 2min: steps that would not end in time are not started. If scenes of "
-    "a sweep are missing, the exit code is 3.",
+    help="Longest run time, such as 60s, 500ms or 2min: steps that would not end in time are not started. If readings "
+    "of a sweep are missing then, the exit code is 3.",
 )
 circuit_option = click.option(
     "--circuit",
@@ -124,9 +125,9 @@ circuit_option = click.option(
     metavar="CIRCUIT.toml",
     help="Also print volts and counts at the output of this circuit; `taxel new circuit` writes a template.",
 )
-workers_option = click.option("--workers", type=int, metavar="N", help="Worker processes on this machine.")
+workers_option = click.option("--workers", type=int, metavar="N", help="Number of worker processes on this machine.")
 scheduler_option = click.option(
-    "--scheduler", metavar="ADDRESS", help="Address of a Dask scheduler whose workers are used: tcp://host:8786."
+    "--scheduler", metavar="ADDRESS", help="Address of a Dask scheduler whose workers are used, such as tcp://host:8786."
 )
 retry_option = click.option("--retry-failed", is_flag=True, help="Repeat jobs that failed in an earlier run.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of tables.")

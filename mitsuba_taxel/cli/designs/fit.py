@@ -12,11 +12,12 @@ from ..options import on_a_study_file
 @click.command(short_help="Unknowns of a scene, or of a part, from measured data.")
 @click.option(
     "--part", metavar="NAME|FILE.toml",
-    help="Fit dies, depth and resin of this part instead; the argument is then a CSV file of current over distance.",
+    help="Fit this photo-reflector instead of a scene; the argument is then a CSV file of its current over distance.",
 )  # fmt: skip
 @click.option(
-    "--zero", type=float, metavar="MM", help="Height above the windows at which the distances of that file begin."
-)
+    "--zero", type=float, metavar="MM",
+    help="With --part: height above the windows at which the distances in the CSV file begin.",
+)  # fmt: skip
 @on_a_study_file
 def command(
     part: str | None,
@@ -29,12 +30,13 @@ def command(
 ) -> None:
     """Estimate the unknowns in the table [fit] of STUDY.toml, by weighted least squares.
 
-    Its data are a CSV file with columns for settings, such as fz, and readings, such as v1_V. Values, confidence
-    intervals, correlations, residuals and a plot are written to DIR. Unknowns that the data do not determine are
-    reported.
+    The data are a CSV file that is named in this table. It has columns for settings, such as fz, and for readings, such
+    as v1_V. Values, confidence intervals, correlations, residuals and a plot are written to DIR. Unknowns that the data
+    do not determine are reported.
 
-    With --part, the argument is a CSV file with a column such as `distance [mm]` and one such as `current [mA]`; the
-    dies, their depth and the index of the resin are written to part.toml in DIR, for `part` of a scene.
+    With --part, the properties of a photo-reflector are estimated instead: its dies, their depth, and the refractive
+    index of the resin. The argument is then a CSV file with its current over distance. It has a column such as
+    `distance [mm]` and one such as `current [mA]`. The result is written to part.toml in DIR, for `part` of a scene.
     """
     from ..tables import print_json, say
 

@@ -16,13 +16,17 @@ from ..options import on_a_study_file, retry_option
 def command(
     source: Path, folder: Path, workers: int | None, scheduler: str | None, retry_failed: bool, as_json: bool
 ) -> None:
-    """Propagate the distributions of parameters in the table [tolerance] of STUDY.toml to the readings.
+    """Compute how much readings vary because of tolerances: the distributions of parameters in [tolerance] of
+    STUDY.toml.
 
-    Each sample is computed by mechanics and light, and stored in DIR as soon as it is ready; the same command resumes
-    an interrupted run. With exact = N in the table, only N samples are computed in this way. All samples then get a
-    linear estimate from derivatives, which the N exact samples correct; a larger N continues a run. Tables and a plot
-    show the spread of the reading at rest, of sensitivity and of cross-talk, their linear estimates from derivatives,
-    and how much of the spread each tolerance causes.
+    Tables and a plot show the spread of the reading at rest, of sensitivity and of cross-talk, and the share of the
+    spread that each tolerance causes. Linear estimates of the spread, from derivatives, are given for comparison.
+
+    Values of the parameters are drawn from the distributions. Each such sample is computed by mechanics and light, and
+    stored in DIR as soon as it is ready. The same command resumes an interrupted run.
+
+    With exact = N in the table, only N samples are computed in this way. All samples get a linear estimate from
+    derivatives, which the N exact samples correct. A larger N continues a run.
 
     Tolerances are independent, except for factors in [tolerance.of], which scale several parameters: shrinkage = {law =
     "normal", mean = 1, sd = 0.003, scales = ["cell_size", "cell_height"]}.

@@ -54,7 +54,7 @@ def _say(name: str) -> None:
 
 @command.command("stability", short_help="Pads, loads, readings and circuits at the extremes.")
 @click.option("--only", metavar="PATTERN", help="Only rows whose name contains this; * and ? are wildcards.")
-@click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Also write the rows, all digits.")
+@click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Also write the rows with all digits.")
 @markdown_option
 @debug_option
 def stability_command(only: str | None, csv: Path | None, markdown: Path | None) -> None:
@@ -94,15 +94,18 @@ def stability_command(only: str | None, csv: Path | None, markdown: Path | None)
 @markdown_option
 @debug_option
 def coverage_command(only: str | None, part: str | None, csv: Path | None, markdown: Path | None) -> None:
-    """Compare the stated errors of readings due to the finite elements with the true errors.
+    """Compare stated errors with true errors.
 
-    Settings of pads and loads are read one by one, each in its own process, the fastest first. Then errors of figures
-    that need no pad are counted on synthetic data: recordings, tolerances, fits, calibrations, exported models,
-    noise-equivalent forces and differences of variants. The stated probabilities of a comparison are compared with
-    observed frequencies.
+    Readings: the stated errors due to the finite elements. Pads under load are read one by one, each in its own
+    process, the fastest first.
+
+    Figures: the stated errors of results that need no pad. They are computed from synthetic data: recordings,
+    tolerances, fits, calibrations, exported models, noise-equivalent forces and differences of variants.
+
+    Probabilities: the stated probabilities of a comparison of variants. They are compared with observed frequencies.
 
     Files contain the rows measured so far. Figures and probabilities have separate files beside that of the
-    readings; those selected are counted anew, and the others stay as they are.
+    readings. Selected figures and probabilities are always computed anew; the others stay as they are.
     """
     from mitsuba_taxel.evidence.coverage import coverage as tables
     from mitsuba_taxel.evidence.coverage.coverage_row import CoverageRow, summary
@@ -207,9 +210,9 @@ def slopes_command(markdown: Path | None) -> None:
 @markdown_option
 @debug_option
 def rough_command(markdown: Path | None) -> None:
-    """Print slopes of readings of cells with a finish or rough mirrors.
+    """Print how readings of cells with rough walls or rough mirrors change with force: slopes, errors and CPU times.
 
-    Errors are stated by cause: light, interpolation between forces, and finite elements. CPU times are printed, too.
+    Errors are stated by cause: light, interpolation between forces, and finite elements.
     """
     from mitsuba_taxel.evidence.domes.rough_slopes import RoughRow, rough_slopes, write_page
     from mitsuba_taxel.evidence.rows.row import cells, headings
@@ -258,10 +261,11 @@ def estimators_command(only: str | None, csv: Path | None, markdown: Path | None
 @markdown_option
 @debug_option
 def horizon_command(markdown: Path | None) -> None:
-    """Compare derivatives along lines of designs with differences of readings, for several widths of the horizon.
+    """Compare derivatives with differences of readings, for several widths of the horizon.
 
     The horizon is the plane of a wall, below which the wall neither emits nor receives light. The step of the light at
-    the horizon is spread over a width."""
+    the horizon is spread over a width. Derivatives are taken along lines of designs.
+    """
     from mitsuba_taxel.evidence.domes.horizon import HorizonRow, horizon, write_page
     from mitsuba_taxel.evidence.rows.row import cells, headings
 
@@ -275,7 +279,10 @@ def horizon_command(markdown: Path | None) -> None:
 @markdown_option
 @debug_option
 def nominal_command(only: str | None, markdown: Path | None) -> None:
-    """Read four shapes under normal and tangential force, to 0.5 % and with slopes to 2 %, with empty caches."""
+    """Measure time and error of the paper's study of four shapes, to 0.5 % and with slopes to 2 %, with empty caches.
+
+    The cells are read under normal and tangential forces.
+    """
     from mitsuba_taxel.evidence.accuracy.nominal import HEADINGS, NominalRow, nominal, nominal_cells, write_page
 
     def keep(rows: Sequence[NominalRow]) -> None:
@@ -300,13 +307,14 @@ def nominal_command(only: str | None, markdown: Path | None) -> None:
 )
 @debug_option
 def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, seconds: float) -> None:
-    """Measure the error against time of every method to read SCENE, as table, CSV and diagram.
+    """Measure the error and the time of every method that reads SCENE, and write a table, a CSV file and a diagram.
 
-    Light: each integrator, against one of another family. Mechanics: element sizes and load steps, against much smaller
-    ones. Chain: readings and slopes to a target error, against a fine mesh with many paths.
+    Light: each integrator is compared with one of another family. Mechanics: several element sizes and load steps are
+    compared with much smaller ones. Whole chain: readings and slopes at several target errors are compared with those
+    on a fine mesh with many paths.
 
-    Without a SCENE, settings of one cell are measured: light without random numbers over the size of its patches,
-    random paths over their number, derivatives over either, and touch over its depth.
+    Without a SCENE, one cell is measured with several settings: sizes of the patches for light without random numbers,
+    numbers of random paths, derivatives with either, and depths of a touch.
     """
     from mitsuba_taxel.evidence.accuracy.accuracy import accuracy
     from mitsuba_taxel.evidence.accuracy.mechanics import ELEMENTS
@@ -337,12 +345,12 @@ def accuracy_command(scene: str | None, defines: dict[str, str], folder: Path, s
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
     default=1e-3,
     show_default=True,
-    help="Relative error of the worst of nine taxels.",
+    help="Largest relative error of the readings of nine taxels.",
 )
 @debug_option
 def speed_command(target_error: float) -> None:
-    """Time readings of all cell shapes, the first reading of a new process, and the tracer against bare
-    intersections."""
+    """Measure run times: of readings of all cell shapes, of the first reading of a new process, and of the ray tracer
+    compared with ray intersections alone."""
     from mitsuba_taxel.evidence.accuracy.speed import speed
 
     for line in speed(target_error):
@@ -363,11 +371,11 @@ def speed_command(target_error: float) -> None:
     type=click.FloatRange(0, min_open=True),
     default=600.0,
     show_default=True,
-    help="Longest wall time for a pad.",
+    help="Longest wall time for a pad, in s.",
 )
 @debug_option
 def cells_command(sides: str, ball: bool, seconds: float) -> None:
-    """Read square pads with more and more parallelepiped cells, each in a separate process."""
+    """Measure CPU time, memory and error for square pads with more and more cells, each in a separate process."""
     from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.evidence.accuracy.many_cells import ManyCellsRow, growth_line, many_cells
     from mitsuba_taxel.evidence.rows.row import cells, headings
@@ -383,7 +391,7 @@ def cells_command(sides: str, ball: bool, seconds: float) -> None:
 @markdown_option
 @debug_option
 def omitted_work_command(scenes: tuple[str, ...], markdown: Path | None) -> None:
-    """Read shipped scenes as they are, and with unneeded work added."""
+    """Measure how much time is saved because unneeded work is omitted: scenes are read as usual, and with that work."""
     from mitsuba_taxel.base.files.atomic import write_text
     from mitsuba_taxel.evidence.accuracy.omitted_work import HEADINGS, page, table
 

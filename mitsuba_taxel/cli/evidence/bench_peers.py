@@ -26,12 +26,19 @@ def peers() -> None:
 
 
 @peers.command("optics", short_help="Errors, times and figures of merit of the light.")
-@click.option("--case", "cases", multiple=True, metavar="NAME", help="Case, all by default. May be repeated.")
-@click.option("--peer", "systems", multiple=True, metavar="NAME", help="Program, or none; all by default.")
-@click.option("--runs", type=click.IntRange(min=16), default=32, show_default=True, help="Independent seeds.")
+@click.option("--case", "cases", multiple=True, metavar="NAME", help="Case to run, all by default. May be repeated.")
 @click.option(
-    "--seconds", type=click.FloatRange(min=0, min_open=True), default=0.5, show_default=True, help="Length of a run."
-)
+    "--peer", "systems", multiple=True, metavar="NAME",
+    help="Program to run, or none for this one alone; all by default.",
+)  # fmt: skip
+@click.option(
+    "--runs", type=click.IntRange(min=16), default=32, show_default=True,
+    help="Number of runs with independent seeds.",
+)  # fmt: skip
+@click.option(
+    "--seconds", type=click.FloatRange(min=0, min_open=True), default=0.5, show_default=True,
+    help="Length of a run in s.",
+)  # fmt: skip
 @csv_option
 @debug_option
 def optics_command(
@@ -60,8 +67,14 @@ def mechanics_command(tables: tuple[str, ...], file: Path | None) -> None:
 
 
 @peers.command("elements", short_help="Node-by-node comparison with CalculiX.")
-@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be repeated.")
-@click.option("--poisson-ratio", "ratios", multiple=True, type=float, metavar="NU", help="May be repeated.")
+@click.option(
+    "--mesh-size", "sizes", multiple=True, type=float, metavar="MM",
+    help="Size of the elements. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--poisson-ratio", "ratios", multiple=True, type=float, metavar="NU",
+    help="Poisson's ratio. May be repeated.",
+)  # fmt: skip
 @csv_option
 @debug_option
 def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: Path | None) -> None:
@@ -72,8 +85,11 @@ def elements_command(sizes: tuple[float, ...], ratios: tuple[float, ...], file: 
 
 
 @peers.command("ball", short_help="A ball pressed into a cell, beside CalculiX.")
-@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be repeated.")
-@click.option("--depth", "depths", multiple=True, type=float, metavar="MM", help="May be repeated.")
+@click.option(
+    "--mesh-size", "sizes", multiple=True, type=float, metavar="MM",
+    help="Size of the elements. May be repeated.",
+)  # fmt: skip
+@click.option("--depth", "depths", multiple=True, type=float, metavar="MM", help="Depth of the ball. May be repeated.")
 @csv_option
 @debug_option
 def ball_command(sizes: tuple[float, ...], depths: tuple[float, ...], file: Path | None) -> None:
@@ -84,8 +100,14 @@ def ball_command(sizes: tuple[float, ...], depths: tuple[float, ...], file: Path
 
 
 @peers.command("plate", short_help="A plate that tilts on a cell, beside CalculiX.")
-@click.option("--mesh-size", "sizes", multiple=True, type=float, metavar="MM", help="May be repeated.")
-@click.option("--tilt", "tilts", multiple=True, type=click.Choice(["small", "large"]), help="Both by default.")
+@click.option(
+    "--mesh-size", "sizes", multiple=True, type=float, metavar="MM",
+    help="Size of the elements. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--tilt", "tilts", multiple=True, type=click.Choice(["small", "large"]),
+    help="Tilt of the plate, both by default.",
+)  # fmt: skip
 @csv_option
 @debug_option
 def plate_command(sizes: tuple[float, ...], tilts: tuple[str, ...], file: Path | None) -> None:

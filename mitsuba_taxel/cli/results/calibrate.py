@@ -12,17 +12,17 @@ from ..options import Fraction, debug_option, json_option, output_option
 
 @click.command(short_help="Forces or places from readings, with prediction intervals (ONNX).")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DIR|FILE.csv")
-@output_option("calibration.onnx", "The calibration.")
+@output_option("calibration.onnx", "File for the calibration.")
 @click.option(
     "--coverage",
     type=Fraction(),
     default="90%",
     show_default=True,
-    help="Fraction of the true values that intervals should contain.",
+    help="Fraction of the true values that the prediction intervals should contain.",
 )
 @click.option(
     "--noise", type=Fraction(), show_default="0.5%, or that of the study's circuit alone",
-    help="Relative noise added to the light of each reading of a study; a measurement has its own noise already.",
+    help="Relative noise to add to the light of each reading of a study. A measurement has its own noise already.",
 )  # fmt: skip
 @click.option(
     "--over", multiple=True, type=click.Choice(["force", "depth", "place"]),
@@ -34,11 +34,12 @@ from ..options import Fraction, debug_option, json_option, output_option
 def command(
     source: Path, output: Path, coverage: float, noise: float | None, over: tuple[str, ...], as_json: bool
 ) -> None:
-    """Fit a model of the forces, the depth or the place to the readings of the study in DIR, or of a bench measurement.
+    """Fit a model that estimates forces, depth or place from readings: of the study in DIR, or of a bench measurement.
 
-    The model is a polynomial of the readings, in volts if they are measured or the study has a circuit. It is
-    cross-validated on whole paths: curves of a study, or runs of a measurement. Intervals follow from the ranks of
-    errors on paths that were left out of a fit.
+    The model is a polynomial of the readings. They are in volts if they are measured or if the study has a circuit.
+
+    Each estimate has a prediction interval. It follows from cross-validation: errors on whole paths (curves of a study,
+    or runs of a measurement) that were left out of a fit are ranked.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.characterise import read_measurement

@@ -45,10 +45,11 @@ def command(
 ) -> None:
     """Rank the variants in one or several studies: shapes, dimensions, or other parameters besides the force.
 
-    Slopes are ranked by magnitude. The table gives the probability that a variant is the best of those that meet the
-    limits, and its difference from the first variant, with an error in which common random numbers cancel. If no
-    variant meets the limits, none is ranked, and the exit code is 1. With a circuit (that of the studies, or
-    --circuit), readings are in volts.
+    The table gives the probability that a variant is the best of those that meet the limits. It also gives the
+    difference of each variant from the first one; common random numbers make the error of this difference small. Slopes
+    are ranked by magnitude. With a circuit (that of the studies, or --circuit), readings are in volts.
+
+    If no variant meets the limits, none is ranked, and the exit code is 1.
     """
     from mitsuba_taxel import open_study
     from mitsuba_taxel.characterise import compare, printed_comparison

@@ -14,18 +14,20 @@ from ..options import Fraction, NewFile, debug_option, defines_option, json_opti
 @click.argument("source", metavar="DIR", type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=NewFile(".onnx", ".npz", ".py"), metavar="FILE", show_default="model.onnx, or contact.npz",
-    help="The model.",
+    help="File for the model.",
 )  # fmt: skip
-@click.option("--contact", is_flag=True, help="Model the readings over maps of the depth of any body that touches.")
-@click.option("--depth", type=float, metavar="MM", help="With --contact: largest depth of bodies below the top, in mm.")
+@click.option("--contact", is_flag=True, help="Model a scene's pad under bodies of any shape, instead of a study.")
+@click.option(
+    "--depth", type=float, metavar="MM", help="With --contact: largest depth of a body below the top of the pad, in mm."
+)
 @click.option(
     "--error", type=Fraction(), metavar="SHARE", show_default="1%",
-    help="With --contact: largest error of readings on bodies left out, root mean square relative to their largest "
-    "change. If it is not reached, the exit code is 3.",
+    help="With --contact: largest error of readings on test bodies (root mean square, relative to the largest change). "
+    "If it is not reached, the exit code is 3.",
 )  # fmt: skip
 @click.option(
     "--spacing", type=float, metavar="MM", show_default="1/15 of the longer side",
-    help="With --contact: side of the patches of the top, in mm.",
+    help="With --contact: grid spacing of the depth map, in mm.",
 )  # fmt: skip
 @defines_option
 @json_option
@@ -44,14 +46,16 @@ def command(
 ) -> None:
     """Fit a model to the readings of the study in DIR, as a function of its varied parameters, and write it as ONNX.
 
-    The model is a polynomial, cross-validated on whole paths; for a study with a circuit it also computes voltages and
-    counts. Its output `inside` is false for inputs outside the ranges of the study. The file states units and errors.
+    The model is a polynomial, cross-validated on whole load paths. For a study with a circuit it also computes voltages
+    and counts. Its output `inside` is false for inputs outside the ranges of the study. The file states units and
+    errors.
 
-    With --contact, DIR is a scene instead: model its pad under bodies of any shape, from maps of their depth below its
-    top: readings, force, centre of pressure and area of contact. Balls and rods are solved until the error is reached;
-    an interrupted run goes on where it was. Read the file with `mitsuba_taxel.surrogates.read_contact_model`. If the
-    name of the output ends in .onnx, any ONNX runtime reads it; if it ends in .py, it is a Python file that needs JAX
-    alone, with derivatives. An .npz file as DIR is written in another form, without computing it again.
+    With --contact, the argument is a scene instead. The model then describes its pad under bodies of any shape. The
+    input is a map of the depth of a body below the top of the pad. The outputs are readings, force, centre of pressure
+    and area of contact. The model is trained on balls and rods until its error is small enough; the same command
+    resumes an interrupted run. `mitsuba_taxel.surrogates.read_contact_model` reads an .npz file. An .onnx file is read
+    by any ONNX runtime. A .py file needs JAX alone and has derivatives. An .npz file in place of the scene is
+    converted, and nothing is computed again.
     """
     if contact and source.suffix == ".npz":
         given = {"--depth": depth, "--error": error, "--spacing": spacing, "-D": defines or None}
