@@ -33,13 +33,22 @@ from mitsuba_taxel.electronics.volts import circuit_of_study
 from mitsuba_taxel.studies.plan.files import make_empty_folder
 from mitsuba_taxel.studies.store.datasheet import TrainingRecord, datasheet
 from mitsuba_taxel.studies.store.tables import check_parquet
-from mitsuba_taxel.studies.store.training_files import Column, TrainingPart, check_hdf5, write_hdf5, write_lerobot
+from mitsuba_taxel.studies.store.training_files import (
+    WRENCH,
+    Column,
+    TrainingPart,
+    check_hdf5,
+    write_hdf5,
+    write_lerobot,
+)
 
 PARTS = ("train", "validation", "test")
 
 PLACES = ("indenter_x", "indenter_y", "patch_x", "patch_y")
 """Roles of the parameters that give the place of contact."""
 NAMED = (*FORCES, *PLACES)
+OF_CONTACT = (*WRENCH, "centre_of_pressure_x", "centre_of_pressure_y")
+"""Results of a bonded plate or an indenter that are columns beside the parameters."""
 LEAST_FORCES = 10
 """Smallest number of distinct forces that can be split into three useful parts."""
 
@@ -102,8 +111,9 @@ def training_set(
     dict[str, pd.DataFrame]
         Tables ``train``, ``validation`` and ``test`` with a row for each job and copy. Columns: force in N (``fx_N``,
         ...; fixed components too); the scene's name, if there are several scenes; other parameters that differ between
-        jobs; for each taxel the noisy power ``power_1_W``, ..., and ``standard_error_1_W``, ..., the standard error of
-        the light without the noise. With a circuit also ``voltage_1_V``, ..., with the noise of light and circuit, and
+        jobs; force, moment and centre of pressure of a bonded plate or an indenter (``reaction_fx_N``, ...); for each
+        taxel the noisy power ``power_1_W``, ..., and ``standard_error_1_W``, ..., the standard error of the light
+        without the noise. With a circuit also ``voltage_1_V``, ..., with the noise of light and circuit, and
         ``counts_1``, .... Jobs without a reading are omitted.
 
     Raises
@@ -169,9 +179,10 @@ def training_set(
 def _described(table: pd.DataFrame, rows: _TrainingRows, study: xr.Dataset) -> dict[str, Column]:
     """Name, unit and role of each column of a training set that does not belong to a taxel, by heading."""
     headings = {_heading(name, rows.units): name for name in rows.parameters}
-    roles = {**roles_of_study(study), **{name: name for name in FORCES}}
+    known = (*NAMED, *OF_CONTACT)
+    roles = {**roles_of_study(study), **{name: name for name in (*FORCES, *OF_CONTACT)}}
     return {
-        heading: Column(name, rows.units.get(name, ""), roles.get(name, "") if roles.get(name) in NAMED else "")
+        heading: Column(name, rows.units.get(name, ""), roles.get(name, "") if roles.get(name) in known else "")
         for heading, name in headings.items()
         if heading in table
     }
@@ -287,6 +298,11 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
     for name, coordinate in one_each.coords.items():
         if name != "step":  # an index without a meaning
             values[name] = coordinate.broadcast_like(one_each).transpose(*dims).values.ravel()
+    units = {**dict.fromkeys(FORCES, "N"), **json.loads(study.attrs.get("units", "{}"))}
+    for name in OF_CONTACT:
+        if name in study:
+            values[name] = study[name].transpose(*dims).values.ravel()
+            units[name] = study[name].attrs["units"]
     # A curve is a combination of indices along all dimensions except that of the curve.
     curve = study.attrs.get("curve", dims[0])
     lengths = [1 if dim == curve else study.sizes[dim] for dim in dims]
@@ -296,7 +312,7 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
         pd.DataFrame(values, index=range(one_each.size)),
         power.values.reshape(-1, count),
         study.standard_error.transpose(*power.dims).values.reshape(-1, count),
-        {**dict.fromkeys(FORCES, "N"), **json.loads(study.attrs.get("units", "{}"))},
+        units,
         path,
     )
 
@@ -380,7 +396,7 @@ def _table(rows: _TrainingRows, columns: Mapping[str, np.ndarray], taxels: np.nd
     """
     forces = _force_columns(rows.parameters)
     other_parameters = [name for name in rows.parameters if name not in forces]
-    varied = [name for name in other_parameters if rows.parameters[name].nunique() > 1]
+    varied = [name for name in other_parameters if name in OF_CONTACT or rows.parameters[name].nunique() > 1]
     named = {name: _heading(name, rows.units) for name in rows.units}
     parameters = rows.parameters[[*forces, *varied]].rename(columns=named)
     frames = [

@@ -132,6 +132,11 @@ def _meaning(column: str) -> tuple[str, str]:
     stem, _, unit = column.rpartition("_")
     if column in ("fx_N", "fy_N", "fz_N"):
         return "N", f"{column[1]} component of the force on the pad; compression is fz < 0"
+    if stem.startswith(("reaction_f", "reaction_m")):
+        kind = "force" if stem[9] == "f" else "moment"
+        return unit, f"{stem[-1]} component of the {kind} of the plate or the indenter on the pad"
+    if stem.startswith("centre_of_pressure_"):
+        return unit, f"{stem[-1]} of the centre of pressure of the plate or the indenter"
     if stem.startswith("power_") and unit == "W":
         return "W", f"reading of taxel {stem.removeprefix('power_')}: optical power on its phototransistor"
     if stem.startswith("standard_error_") and unit == "W":

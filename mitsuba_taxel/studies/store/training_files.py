@@ -20,6 +20,8 @@ from mitsuba_taxel.studies.store.netcdf import has_hdf5, hdf5_image
 
 FRAMES_PER_SECOND = 10
 """Nominal rate of the frames of an episode, which LeRobot requires; loads of a study are static."""
+WRENCH = tuple(f"reaction_{kind}{axis}" for kind in "fm" for axis in "xyz")
+"""Components of the force and the moment of a bonded plate or an indenter on the pad."""
 LEROBOT_VERSION = "v3.0"
 """Version of the layout of LeRobot."""
 _OF_TAXELS = {
@@ -50,8 +52,8 @@ class TrainingPart(NamedTuple):
 
 
 class Column(NamedTuple):
-    """A column of a table: name without unit; unit; and the component of the force or of the contact position that the
-    column contains, blank for other columns."""
+    """A column of a table: name without unit; unit; and the component of the force, of the wrench or of the contact
+    position that the column contains, blank for other columns."""
 
     name: str
     unit: str
@@ -129,7 +131,8 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
 
     An episode is the part of a curve of the study that belongs to one part of the set, for one noisy copy; its frames
     are in the order of the curve. Features are ``observation.power``, ``observation.voltage``, ``observation.wrench``
-    (components of the force in N), ``observation.contact_place`` (contact position in mm), and
+    (components of the force in N; of a bonded plate or an indenter also the moment in N mm),
+    ``observation.contact_place`` (contact position, and centre of pressure, in mm), and
     ``observation.parameters``, the other varied numbers; names of their elements end with the unit. Varied words, such
     as the kind of cell, are part of the task's text. Parts of the set are ``splits`` of the episodes. Times of frames
     are nominal, with `FRAMES_PER_SECOND`.
@@ -248,8 +251,10 @@ def _features(table: pd.DataFrame, columns: Mapping[str, Column]) -> dict[str, l
     taxels = _taxel_columns(table)
     features = {f"observation.{name}": taxels[name][0] for name in ("power", "voltage") if name in taxels}
     numbers = [heading for heading in columns if table[heading].dtype.kind in "fiub"]
-    wrench = [heading for heading in numbers if columns[heading].role in FORCES]
-    place = [heading for heading in numbers if columns[heading].role not in ("", *FORCES)]
+    reactions = [heading for heading in numbers if columns[heading].role in WRENCH]
+    forces = [heading for heading in numbers if columns[heading].role in FORCES]
+    wrench = reactions or forces
+    place = [heading for heading in numbers if columns[heading].role not in ("", *FORCES, *WRENCH)]
     other = [heading for heading in numbers if not columns[heading].role]
     groups = {"wrench": wrench, "contact_place": place, "parameters": other}
     return features | {f"observation.{name}": headings for name, headings in groups.items() if headings}

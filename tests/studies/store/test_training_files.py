@@ -120,6 +120,34 @@ def test_episodes_are_curves_in_their_order_with_named_features(tmp_path):
     np.testing.assert_allclose(statistics["observation.wrench"]["mean"], wrench.mean(axis=0), rtol=1e-6)
 
 
+def test_the_wrench_and_the_centre_of_pressure_of_an_indenter_are_features(tmp_path):
+    pressed, dims = study(), ("push", "spot", "cell")
+    fz = np.broadcast_to(FORCE[:, None, None], (30, 3, 2))
+    wrench = {"fx": 0 * fz, "fy": 0 * fz, "fz": fz, "mx": 0 * fz, "my": -PLACES[:, None] * fz, "mz": 0 * fz}
+    for name, values in wrench.items():
+        pressed[f"reaction_{name}"] = (dims, values, {"units": "N" if name[0] == "f" else "N mm"})
+    for axis, place in {"x": PLACES, "y": 0 * PLACES}.items():
+        pressed[f"centre_of_pressure_{axis}"] = (dims, np.broadcast_to(place[:, None], fz.shape), {"units": "mm"})
+    training_set(pressed, tmp_path / "set", lerobot=True)
+    folder = tmp_path / "set" / "lerobot"
+    info = json.loads((folder / "meta" / "info.json").read_text())
+    assert info["features"]["observation.wrench"]["names"] == [
+        f"reaction_{name}_{'N' if name[0] == 'f' else 'N mm'}" for name in wrench
+    ]
+    assert info["features"]["observation.contact_place"]["names"] == [
+        "spot_mm",
+        "centre_of_pressure_x_mm",
+        "centre_of_pressure_y_mm",
+    ]
+    frames = pd.read_parquet(folder / "data")
+    values, places = (np.stack(frames[f"observation.{name}"].to_list()) for name in ("wrench", "contact_place"))
+    np.testing.assert_allclose(values[:, 4], -places[:, 0] * values[:, 2], rtol=1e-6)
+    np.testing.assert_array_equal(places[:, 0], places[:, 1])
+    assert (places[:, 2] == 0).all() and (values[:, 2] < 0).all()
+    sheet = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "y component of the moment of the plate or the indenter on the pad" in sheet
+
+
 def test_lerobot_reads_it(tmp_path, monkeypatch):
     pytest.importorskip("lerobot")
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
