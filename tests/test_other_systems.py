@@ -49,10 +49,13 @@ report runs -o report.html
 def test_commands_run_as_on_other_systems(tmp_path, system):
     """All shipped scenes: a camera's image of a pressed pad, a map of a pad from a file, which a process of its own
     meshes, the mesh of a pad, a study in two processes, and a report on it. Each is as small as it can be: what a
-    system lacks is missing in small ones, too."""
+    system lacks is missing in small ones, too. Windows lacks more than macOS, which gets the commands that start
+    processes, and the mesh."""
     scenes = {file.name for folder in mitsuba_taxel.scenes.__path__ for file in Path(folder).glob("*.xml")}
     commands = [line.split() for line in COMMANDS.strip().splitlines()]
     assert scenes == {word for command in commands for word in command if word.endswith(".xml")}
+    if system == "macOS":
+        commands = [command for command in commands if command[1] in ("hexagonal.xml", "pad.xml", "plate.xml")]
     done = run(system, tmp_path, RUN, json.dumps(commands))
     assert done.returncode == 0, done.stderr
     assert all((tmp_path / command[-1]).exists() for command in commands)

@@ -18,6 +18,8 @@ ROOT = Path(__file__).parents[2]
 CODES = {"GL06", "GL07", "PR01", "PR02", "PR03", "PR04", "PR07", "RT01", "RT03", "YD01"}
 """Sections that are unknown or out of order; parameters, returned and yielded values that lack a name, a type or a
 description."""
+FROM = re.compile(r"^ *from mitsuba_taxel\.(\w+)\.?([\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+"""Imports of other modules: their room, the rest of their name, and what is imported, with comments."""
 RAISING = {"InputError", "ComputationError", "refusal"}
 """What functions raise that have to say so."""
 
@@ -45,12 +47,11 @@ def shared() -> Iterator[Any]:
     """Functions that a room imports from another one; those of the evidence are read by nobody else."""
     for file in sorted((ROOT / "mitsuba_taxel").rglob("*.py")):
         room = file.relative_to(ROOT / "mitsuba_taxel").parts[0]
-        for node in ast.walk(ast.parse(file.read_text())):
-            words = (node.module or "").split(".") if isinstance(node, ast.ImportFrom) else []
-            if words[:1] != ["mitsuba_taxel"] or words[1:2] in ([], [room], ["evidence"], ["plugins"]):
+        for of, rest, imported in FROM.findall(file.read_text()):
+            if of in (room, "evidence", "plugins"):
                 continue
-            for name in (alias.name for alias in node.names):
-                value = inspect.unwrap(resolved(f"{node.module}.{name}"))
+            for name in re.findall(r"\w+", re.sub(r"#.*|\bas \w+", "", imported)):
+                value = inspect.unwrap(resolved(".".join(filter(None, ("mitsuba_taxel", of, rest, name)))))
                 if inspect.isfunction(value) and value.__doc__:
                     yield value
 
