@@ -274,7 +274,7 @@ def _constants(model: ContactModel, iteration: Iteration, axes: list[int]) -> di
         "map_shape": [-1, rows, columns],
         "covered": np.flatnonzero(model.covered),
         "yes": True,
-        "count": iteration.count,
+        "count": iteration.iterations,
         "penalty": iteration.penalty,
         "operator": iteration.operator,
         "relaxed": RELAXATION,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -240,7 +240,7 @@ class ImperfectPads:
         counts = np.where(known, counts_of(self._circuit, voltage), UNKNOWN_COUNTS)
         return ImperfectReadings(imperfect, np.where(known, voltage, np.nan), counts)
 
-    def reset(self, pads: object = slice(None)) -> None:
+    def reset(self, pads: Any = slice(None)) -> None:
         """Set pads to rest, such as at the start of an episode; spread and dead taxels stay.
 
         Parameters
@@ -252,5 +252,5 @@ class ImperfectPads:
             self._memory.reset(pads)
         if self._circuit is not None:
             fresh = self._noise_at_rest * self._random.standard_normal(self.dead.shape)
-            self._output[pads] = self._passed[pads] = self._at_rest[pads]  # type: ignore[index]
-            self._fluctuation[pads] = fresh[pads]  # type: ignore[index]
+            self._output[pads] = self._passed[pads] = self._at_rest[pads]
+            self._fluctuation[pads] = fresh[pads]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mitsuba_taxel.base.arguments import is_number, is_whole, refusal
@@ -77,7 +79,7 @@ class PadMemory:
         transient = (self._response.amplitudes @ self._memory).reshape(held.shape)
         return np.where(known, self._response.lasting * held + transient, np.nan)
 
-    def reset(self, pads: object = slice(None)) -> None:
+    def reset(self, pads: Any = slice(None)) -> None:
         """Set pads to rest.
 
         Parameters
@@ -85,12 +87,12 @@ class PadMemory:
         pads : int, slice or array_like, optional
             Indices of the pads, or a mask; by default all.
         """
-        self._last[pads] = 0.0  # type: ignore[index]
-        self._memory.reshape(len(self._memory), *self._last.shape)[:, pads] = 0.0  # type: ignore[index]
+        self._last[pads] = 0.0
+        self._memory.reshape(len(self._memory), *self._last.shape)[:, pads] = 0.0
 
 
 def checked_step(
-    name: str, values: object, shape: tuple[int, ...], duration: object
+    name: str, values: Any, shape: tuple[int, ...], duration: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """Check the values of a step.
 
@@ -117,12 +119,12 @@ def checked_step(
     InputError
         if the values have another shape, or the duration is not a finite number of at least 0.
     """
-    if not (is_number(duration) and duration >= 0):  # type: ignore[operator]
+    if not (is_number(duration) and duration >= 0):
         raise refusal("duration", duration, "a number of at least 0 s is needed")
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.shape != shape:
-        raise InputError(f"{name} of shape {np.shape(values)} is not allowed: an array {shape} is needed.")  # type: ignore[arg-type]
+        raise InputError(f"{name} of shape {np.shape(values)} is not allowed: an array {shape} is needed.")
     return array, np.isfinite(array).all(axis=1, keepdims=True)

@@ -75,13 +75,13 @@ def _computed(store: PaperStudies, height: float, modulus: float) -> xr.Dataset:
         error = np.hypot(standard_error(changes), mesh)
         tilt = np.linalg.norm(motion.rotation)
         rows.append((-motion.displacement[2], moved[2], tilt, np.linalg.norm(turned), changes.mean(axis=0), error))
-    sinking, sinking_error, tilt, tilt_error, change, change_error = map(np.array, zip(*rows, strict=True))
+    sinking, sinking_error, tilts, tilt_error, change, change_error = map(np.array, zip(*rows, strict=True))
     force, x, y = np.array(PLACES).T
     return xr.Dataset(
         {
             "sinking": ("place", sinking, {"units": "mm"}),
             "sinking_error": ("place", sinking_error, {"units": "mm"}),
-            "tilt": ("place", tilt, {"units": "degree"}),
+            "tilt": ("place", tilts, {"units": "degree"}),
             "tilt_error": ("place", tilt_error, {"units": "degree"}),
             "change": (("place", "taxel"), change),
             "change_error": (("place", "taxel"), change_error),
