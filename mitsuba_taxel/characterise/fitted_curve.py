@@ -129,8 +129,8 @@ def fitted_slopes(force: np.ndarray, samples: np.ndarray, positions: np.ndarray)
 def _noise(basis: np.ndarray, readings: np.ndarray) -> np.ndarray:
     """Covariance (N, N) of the means of noisy readings (N, R), from which weights are computed.
 
-    It is diagonal in the amplitudes of orthogonal polynomials: the sample covariance of few replicates has directions
-    of too little noise, which weights would exploit.
+    It is assumed to be diagonal in the amplitudes of orthogonal polynomials. The sample covariance of few replicates is
+    not used: it has too little noise in some directions, to which the fit would then give too much weight.
     """
     modes, _ = np.linalg.qr(basis[:, : len(readings)])
     variance = standard_error(modes.T @ readings, axis=1) ** 2

@@ -284,7 +284,8 @@ def _middle_plane(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _apart_but_edge(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether two patches touch only at their common edge: together they unfold one to one onto a plane.
+    """Whether two patches with a common edge touch nowhere else. This is certain if both patches together can be
+    projected one to one onto a plane.
 
     They are the image of a convex quadrilateral, cut by its diagonal, under a map f that is quadratic on both sides.
     With a projection P onto a plane, P f is one to one if its gradient has a positive definite symmetric part

@@ -85,8 +85,8 @@ class PhototransistorSensor(TaxelEnd, Protocol):
 
     It also caches properties of its scene, which are None until they are computed: ``guided_emission`` is a
     `GuidedEmission`; ``guide`` is the vertices of a mesh and the `Guide` for these, or None if a guide does not reduce
-    the error; ``plane_mirrors`` is the same with the `PlaneMirrors`; ``recorded`` is the `RecordedPaths`; ``checked``
-    is the `KnownScene` of the last check.
+    the error; ``plane_mirrors`` is the vertices of a mesh and the `PlaneMirrors` for these, or None; ``recorded`` is
+    the `RecordedPaths`; ``checked`` is the `KnownScene` of the last check.
     """
 
     specification: Phototransistor

@@ -114,7 +114,8 @@ def _variable(name: str, definition: Any, base: Mapping[str, str], choices: Mapp
 
 
 def _only(name: str, words_of: Any, choices: Mapping[str, list[str]]) -> dict[str, tuple[str, ...]]:
-    """Words of each choice for which a variable applies; the others leave the variable out."""
+    """For each choice of a design, the words with which a variable applies. With other words, the variable is
+    omitted."""
     if not isinstance(words_of, Mapping):
         raise InputError(
             f"variable {name}: only = {words_of!r} is not allowed: a table of choices, each with a list "

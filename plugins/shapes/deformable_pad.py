@@ -404,8 +404,8 @@ class DeformablePad(mi.Mesh):
         return True
 
     def _room_needed(self, obstacles: np.ndarray) -> str:
-        """Text on the width of cells that the first package needs that does not fit into its cell; otherwise the width
-        of the cells."""
+        """Text with the width that cells need for the first package that does not fit into its cell; with the actual
+        width of the cells if all packages fit."""
         from mitsuba_taxel.mechanics.contact.barriers.bodies import body_of_each
         from mitsuba_taxel.pads.room import holds, nearest_cell, room_needed
 

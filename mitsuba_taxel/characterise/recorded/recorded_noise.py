@@ -218,9 +218,9 @@ def _bounded(replicates: int, count: int, random: np.random.Generator) -> np.nda
     """Unit vectors like those of `_deviations`, whose means over the even replicates are uniformly distributed, like
     errors due to the steps of a converter.
 
-    Half of the replicates chooses the largest of many numbers, and the other half is evaluated there; the two halves
-    have opposite deviations. With a normal distribution, the first half would choose by large errors, and the second
-    half would be too small.
+    A figure of merit, such as a largest slope, is found with two halves of the replicates, whose deviations are
+    opposite: one half chooses the point, and the other half is evaluated there. With a normal distribution, the first
+    half would choose points of large errors, and the value of the second half would be too small.
     """
     contrast = np.resize([1.0, -1.0], replicates) / np.sqrt(replicates)
     rest = _deviations(replicates, count, random)

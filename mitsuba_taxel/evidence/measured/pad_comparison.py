@@ -180,8 +180,9 @@ def offset_from(centred: np.ndarray, measured_map: np.ndarray) -> np.ndarray:
     taxels.
 
     The asymmetry under a centred indenter, due to the dies beside the axes of the cells, is subtracted. The changes are
-    assumed to depend on the distance r from the indenter only. The slope of their logarithm at one pitch is that of an
-    even polynomial of degree 4 in r through the computed changes at 0, 1 and 2 pitches."""
+    assumed to depend on the distance r from the indenter only. The slope of their logarithm at one pitch converts the
+    asymmetry to an offset. It is computed from an even polynomial of degree 4 in r through the computed changes at 0, 1
+    and 2 pitches."""
     first_ring, second_ring = ring(centred, 1), ring(centred, 2)
     a, b = np.linalg.solve([[1.0, 1.0], [4.0, 16.0]], np.log([first_ring / 100.0, second_ring / 100.0]))
     slope = first_ring * (2 * a + 4 * b) / measured.PITCH

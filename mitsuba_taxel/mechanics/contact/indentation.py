@@ -124,8 +124,9 @@ class Indentation:
 
     @cached_property
     def carried(self) -> sparse.csr_array:
-        """Matrix (m, N) in mm² that integrates a field: multiplied by its values at N nodes, it gives the integral of
-        the field times the linear function of each pressure."""
+        """Matrix (m, N) in mm² for the conversion of a field at N nodes to its contributions to m nodal pressures. Its
+        product with the values of the field is the integral of the field times the linear shape function of each
+        pressure."""
         weights = np.einsum("bqh,qa->bha", self._weights, _VALUES)
         columns = np.broadcast_to(self.faces[:, None, :], weights.shape)
         rows = np.broadcast_to(self.numbers[:, :, None], weights.shape)

@@ -35,7 +35,7 @@ class Followed(Protocol):
     """Interface of a pad whose equilibria are followed along a segment: states under values of a load, or of another
     path parameter.
 
-    Methods are those of a `LoadedPad`. The linearised pad that solves return is only passed back.
+    Methods are those of a `LoadedPad`. Solves return a linearised pad, which the segment only passes to the next solve.
     """
 
     solves_between: ClassVar[bool]

@@ -60,8 +60,7 @@ class StateComparison(NamedTuple):
 
 
 def _no_rate() -> None:
-    """Stands for the derivative with respect to the load of a state that is not on a load path; the result is always
-    None."""
+    """Return None in place of the derivative with respect to the load, for a state that is not on a load path."""
 
 
 class PathRate(NamedTuple):

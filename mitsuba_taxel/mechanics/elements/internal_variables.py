@@ -174,7 +174,7 @@ class InternalVariables:
 
     def after_energy(self, energy: np.ndarray) -> InternalVariables:
         """The variables after a step with Mullins' effect, at whose end the law has an ``energy`` density (m, q) in
-        MPa. Within the step, no point has a larger one than at its ends."""
+        MPa. Within a step, the energy density of a point is assumed to be largest at an end of the step."""
         assert self.largest_energy is not None
         return replace(self, largest_energy=np.maximum(self.largest_energy, energy))
 

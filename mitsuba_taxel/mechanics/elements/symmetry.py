@@ -213,7 +213,8 @@ def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
 def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror], dict[Mirror, int]]]:
     """Blocks of the tangent for displacements without the symmetry of the state; each must be checked for stability.
 
-    The fifth block of a square pad, that of the two-dimensional representation, needs the part between two mirrors.
+    A square pad has five blocks. The fifth (the two-dimensional representation of its symmetry group) is computed on
+    the part between two mirrors.
 
     Parameters
     ----------

@@ -228,7 +228,7 @@ class MeshedPad:
 
     @cached_property
     def contact(self) -> ContactTest:
-        """Test whether states of the whole pad touch something; the states of the symmetric part determine them."""
+        """Test for contact of the whole pad, whose states follow from those of the symmetric part."""
         return ContactTest(self.whole, nodes=self.part.nodes)
 
     def correction(
@@ -315,8 +315,8 @@ class MeshedPad:
 
     @cached_property
     def _small_load(self) -> float:
-        """Smallest norm of the load by which residuals are divided: that of a natural step, or of :data:`TICKS` ticks
-        if they are smaller."""
+        """Lower bound of the norm of the load by which residuals are divided: the norm for a natural step, or for
+        :data:`TICKS` ticks if these are smaller."""
         zero = np.zeros((len(self.part.mesh.points), 3))
         value = normal_part(np.full(self.load.components, self.step))
         if self._driven:

@@ -116,8 +116,8 @@ class SecondMeshes:
             return True
 
     def first(self, compare: Callable[[PadPath, RoofComparison], Result]) -> Result | None:
-        """Result of the comparison with the first other mesh on which the load is borne and which fits into memory;
-        None if there is none.
+        """Compare with the first other mesh that fits into memory and on which the pad bears the load. Returns the
+        result of the comparison; None if there is no such mesh.
 
         Parameters
         ----------
@@ -137,7 +137,8 @@ class SecondMeshes:
         return None
 
     def comparison(self, value: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> StateComparison:
-        """Comparison of a state with the state on the first other mesh that bears the load.
+        """Compare a state with the state under the same load on another mesh: the first mesh on which the pad bears the
+        load.
 
         Parameters
         ----------

@@ -75,11 +75,11 @@ class PushedPath(TimedPath):
         return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)
 
     def _pushed(self, before: TimeState, rows: LoadHistory) -> TimeState:
-        """The pad at the end of the last row if the body moves at a constant rate; raises `ComputationError` if it
-        slips.
+        """State of the pad at the end of the last row, if the indenter moves at a constant rate since the row before;
+        raises `ComputationError` if the indenter slips.
 
-        Poses are found by Broyden's method (Math. Comput. 19, 577, 1965), with the stiffness of the pad along the
-        directions of both forces as the matrix that is updated.
+        The position of the indenter under the prescribed forces is found by Broyden's method (Math. Comput. 19, 577,
+        1965). The matrix that this method updates is the stiffness of the pad along the directions of the forces.
         """
         time, force = rows[-1][0], np.array(rows[-1][1])
         duration = time - before.time

@@ -132,7 +132,8 @@ class TimedPath(TimedStates):
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: LoadHistory) -> StateComparison:
-        """Comparison with the same rows on the first other mesh that reaches them, and with longer time steps."""
+        """Compare the state at the end of the rows with two other solutions: on another mesh (the first on which the
+        pad bears the load of all rows), and with longer time steps."""
         with self._path.lock:
             here, mesh = self.reached(rows), self._path.mesh
             displacement = here.shape.displacement

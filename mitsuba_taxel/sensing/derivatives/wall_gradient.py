@@ -59,8 +59,8 @@ class WallGradient:
         return self._led * [cell.reading for cell in self._solved]
 
     def refuse_occluded(self) -> None:
-        """Raise `NotFollowed` if walls of the loaded scene occlude too much of the light; its pad must be at the
-        state."""
+        """Raise `NotFollowed` if walls of the loaded scene occlude too much of the light. The pad of the scene must be
+        in the state about which the light is linearised."""
         hidden = max(self._cells.occluded_fraction(*cell.flows()) for cell in self._solved)
         if hidden > MOST_HIDDEN:
             raise NotFollowed(

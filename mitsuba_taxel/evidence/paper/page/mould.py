@@ -139,8 +139,8 @@ tables above.
 
 
 def _chosen(figures: Figures, pad: str, changed: bool) -> dict[MouldWalls, MouldFigures]:
-    """Rows of a table: the pads with the numbers of cells ``pad`` whose assembly is changed (``changed``) or as
-    designed."""
+    """Select the computed pads for a table: those with the size ``pad``, such as 3 x 3, either with changed assembly
+    (``changed``) or assembled as designed."""
     return {w: row for w, row in figures.items() if w.pad == pad and (w.change != AS_DESIGNED) == changed}
 
 
