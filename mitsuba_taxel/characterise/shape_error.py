@@ -150,8 +150,8 @@ def besides_shape(error: np.ndarray, shifts: Iterable[np.ndarray]) -> np.ndarray
 
 
 def _modes(scenes: list[xr.Dataset]) -> list[Mode]:
-    """All modes of the errors of several scenes: a pair of a kind of error and the powers of the varied forces for
-    each."""
+    """All modes of the errors of several scenes. A mode is a pair: the kind of error, and the powers of the varied
+    forces."""
     kinds = [(kind,) for kind in KINDS if any(kind in scene for scene in scenes)]
     forces = {name for scene in scenes for name in _varied(with_forces_named(scene))}
     powers = [

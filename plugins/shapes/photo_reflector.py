@@ -168,7 +168,8 @@ def _ends_of(props: mi.Properties) -> tuple[mi.Emitter, mi.Sensor]:
 
 
 def _cover_the_body(props: mi.Properties) -> None:
-    """Restrict a BSDF other than a `region` to the body; without any BSDF, all faces absorb."""
+    """Apply a nested BSDF to the body only, not to LEDs and phototransistors, unless it is a `region`. Without a nested
+    BSDF, all faces absorb."""
     covers = [(name, value) for name, value in props.objects() if isinstance(value, mi.BSDF)]
     for name, cover in covers:
         if not is_region(cover):

@@ -56,7 +56,7 @@ def _as_json(result) -> dict[str, Any]:
 
 
 def _counts(result) -> dict[str, int]:
-    """The number of samples in words, and the number of exact samples if that is smaller."""
+    """Number of all samples and of exact samples, by name; empty if all samples are exact."""
     samples = result.samples
     return {"samples": len(samples), "exact": int(samples.exact.sum())} if "exact" in samples else {}
 

@@ -223,8 +223,8 @@ def summary(rows: Sequence[Any]) -> str:
 
 
 def taken_course(strain: float) -> float:
-    """How much the error of a reading may change along a load path, as figures of merit assume: standard deviation of
-    the change from the first load to the last, relative to the stated error.
+    """Change of the error of a reading along a load path, as figures of merit assume it: standard deviation of the
+    change from the first load to the last, relative to the stated error.
     """
     return DIFFERENCE * min(max(COURSE, BY_STRAIN * strain), 1.0)
 

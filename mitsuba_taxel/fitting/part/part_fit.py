@@ -65,7 +65,8 @@ class PartUnknown:
 
     @property
     def determined(self) -> bool:
-        """Whether the curve determines it, and its interval is not mostly that of the allowed values."""
+        """Whether the curve determines the unknown: whether its interval is narrower than `WIDE` times the range of
+        allowed values."""
         return self.interval[1] - self.interval[0] < WIDE * (self.high - self.low)
 
 

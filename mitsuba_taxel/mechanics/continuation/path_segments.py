@@ -29,7 +29,7 @@ Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
 
 
 def nothing(segment: LoadSegment, pad: Followed) -> None:
-    """Stands for the search for a contact on a load path without obstacles; the result is always None."""
+    """Replacement for the search for a contact on a load path without obstacles; always returns None."""
 
 
 class PathSegments:

@@ -178,8 +178,8 @@ class _Pattern:
 
 
 class _RotationPattern(_Pattern):
-    """The same map for a pad under a plate that rotates: the entries of the plate's rotation follow those of the
-    elements."""
+    """Map from the entries of the mesh's matrix to the matrix over the unknowns, for a pad under a plate that rotates.
+    The entries of the plate's rotation follow those of the elements."""
 
     def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
         super().__init__(sparsity, numbering)

@@ -252,8 +252,8 @@ class InternalVariables:
     def with_law_error(
         self, material: Viscoelastic, law_error: np.ndarray, growth: Growth | None = None
     ) -> InternalVariables:
-        """The variables after an error of the stress S (m, q, 6) at the end of the last step, and of its effect on the
-        terms, is added."""
+        """The variables with an error ``law_error`` (m, q, 6) of the stress S at the end of the last step. Its effect
+        on the viscoelastic terms is added to their error."""
         by_change = self._weights(material, self.step, growth)[1]
         return replace(self, error=self.error + _scaled(by_change, law_error), law_error=law_error)
 

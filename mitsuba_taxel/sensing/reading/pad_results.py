@@ -83,7 +83,7 @@ def _centre(axis: int) -> Callable[[Reactions], float]:
 
 
 def _unknown(reactions: Reactions) -> float:
-    """Stands for an unknown error of a reaction: NaN, but 0 for a pad that is not touched."""
+    """Error of a reaction where it is not computed: NaN, but 0 for a pad that is not touched."""
     return math.nan if reactions.applied_force.any() else 0.0
 
 
