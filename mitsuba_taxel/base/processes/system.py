@@ -170,6 +170,17 @@ def peak_memory(of_children: bool = False) -> float:
     return max(int(status.split("VmHWM:")[1].split()[0]) / 1024, children)
 
 
+def return_freed_memory() -> None:
+    """Return memory that this process has freed to the system, where the C library keeps it for later use (Linux).
+
+    Much of it is too scattered for large matrices, which would be allocated beside it.
+    """
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of glibc
+        if trim is not None:
+            trim(0)
+
+
 def processor_seconds(children_only: bool = False) -> float:
     """Processor time of this process and of its ended child processes.
 

@@ -34,8 +34,10 @@ def free_memory() -> float:
 
 
 def _free_by_limit() -> float:
-    """Bytes that this process can still allocate within its limits of address space and data (``ulimit -v``, ``-d``);
-    reserved but unused memory counts as free."""
+    """Bytes that this process can still allocate within its limits of address space and data (``ulimit -v``, ``-d``).
+
+    Reserved but unused memory counts as used: a solver reserves gigabytes for stacks, which nothing else can use.
+    """
     try:
         import resource
 
@@ -44,8 +46,8 @@ def _free_by_limit() -> float:
             for limit, _ in map(resource.getrlimit, (resource.RLIMIT_AS, resource.RLIMIT_DATA))
         )
         status = dict(line.split(":") for line in _PROCESS.read_text(encoding="utf-8").splitlines())
-        size, data, resident = (1024 * float(status[name].split()[0]) for name in ("VmSize", "VmData", "RssAnon"))
-        return min(address_limit - size, data_limit - data) + max(data - resident, 0.0)
+        size, data = (1024 * float(status[name].split()[0]) for name in ("VmSize", "VmData"))
+        return max(min(address_limit - size, data_limit - data), 0.0)
     except (ImportError, OSError, KeyError):
         return math.inf
 

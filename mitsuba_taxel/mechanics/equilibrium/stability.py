@@ -13,7 +13,7 @@ cut, which two pieces would share, are left out, which never makes a piece stiff
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,7 +25,7 @@ from mitsuba_taxel.mechanics.elements.internal_variables import Softening, Stres
 from mitsuba_taxel.mechanics.elements.load_constraints import LoadConstraints
 from mitsuba_taxel.mechanics.elements.model import Model
 from mitsuba_taxel.mechanics.elements.pressure import pressure_stiffness
-from mitsuba_taxel.mechanics.elements.solvers import Solver, make_solver
+from mitsuba_taxel.mechanics.elements.solvers import FEW_UNKNOWNS, Solver, make_solver
 from mitsuba_taxel.mechanics.elements.symmetry import CUT, SymmetricPart, cut_blocks, part_between, unsymmetric_blocks
 
 
@@ -136,8 +136,8 @@ class _Pieces:
     """The pieces into which planes of symmetry cut a pad; used for a sufficient test of stability."""
 
     def __init__(self, model: Model, signs: Sequence[Mapping[Mirror, int]], solver: str | None) -> None:
-        self._model = model
-        self.blocks = [_block(model, model.part, of_block, solver) for of_block in signs]
+        self._model, self._signs, self._solver = model, signs, solver
+        self._kept = [self._block(of_block) for of_block in signs] if model.assembly.unknowns < FEW_UNKNOWNS else None
         self._cuts = np.concatenate([_faces_on(model.mesh, wall) for wall in model.part.walls if signs[0][wall] == CUT])
 
     def are_stable(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> bool:
@@ -162,6 +162,16 @@ class _Pieces:
             return not any(block.surplus(entries) for block in self.blocks)
         except RuntimeError:  # singular
             return False
+
+    @property
+    def blocks(self) -> Iterable[_Block]:
+        """The block of each piece. Those of a large pad are made anew for each state, one after the other, because
+        their patterns and analyses take as much memory as the factor of a state, and less time.
+        """
+        return map(self._block, self._signs) if self._kept is None else self._kept
+
+    def _block(self, signs: Mapping[Mirror, int]) -> _Block:
+        return _block(self._model, self._model.part, signs, self._solver)
 
     def with_pressure(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
         """Entries of the tangent of a piece, including those of the pressure that acts in the planes of symmetry along

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -91,11 +92,14 @@ class LargestStrain:
     def _at_points(self, field: np.ndarray) -> np.ndarray:
         """Gradient (K, 3, 3) of a vector field (N, 3) at the K quadrature points over which the largest strain is
         averaged."""
+        elements, index = self._averaged
+        return elements.gradient(slice(None), field)[index, self._point]
+
+    @cached_property
+    def _averaged(self) -> tuple[Elements, np.ndarray]:
+        """The elements with averaged quadrature points, and the element (K,) of each of these points among them."""
         used, index = np.unique(self._element, return_inverse=True)
-        if len(self._mesh.tets) <= BLOCK:
-            return _elements(self._mesh, self._material).gradient(used, field)[index, self._point]
-        mesh = replace(self._mesh, tets=self._mesh.tets[used])
-        return Elements(mesh, self._material).gradient(slice(None), field)[index, self._point]
+        return Elements(replace(self._mesh, tets=self._mesh.tets[used]), self._material), index
 
     def _blocks(self) -> Iterator[Elements]:
         """The elements of the mesh in blocks, one at a time: those of a whole large pad would take more memory than its

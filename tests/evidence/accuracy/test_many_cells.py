@@ -46,7 +46,7 @@ def test_a_row_is_of_its_pad(under_ball, llvm_mono, monkeypatch):
 
 
 def test_what_does_not_fit_is_a_row(monkeypatch):
-    monkeypatch.setattr(many_cells, "measure_isolated", lambda case, seconds: case.failed(f"after {seconds:g} s"))
+    monkeypatch.setattr(many_cells, "measure_isolated", lambda case, limit, memory: case.failed(f"after {limit:g} s"))
     names = []
     (row,) = many_cells.many_cells([40], False, 7.0, names.append)
     assert cells(row) == ["40 x 40, spread force", *["-"] * 7, "after 7 s"] and len(headings(ManyCellsRow)) == 9

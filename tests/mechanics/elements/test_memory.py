@@ -84,6 +84,51 @@ print(before, before - free_memory())
     assert less == pytest.approx(2**29, rel=0.2)
 
 
+def test_reserved_memory_is_not_free():
+    """An array that nobody has written to takes none of the machine's memory, but all of its size from the limit."""
+    program = """
+import resource
+import numpy as np
+from mitsuba_taxel.mechanics.elements.memory import free_memory
+with open("/proc/self/statm") as pages:
+    limit = int(pages.read().split()[5]) * resource.getpagesize() + 2**32
+resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+before = free_memory()
+reserved = np.empty(3 * 2**27)
+after = free_memory()
+try:
+    np.empty(int(after) // 8 + 2**24)
+except MemoryError:
+    print(before, after)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    before, after = map(float, done.stdout.split())
+    assert before == pytest.approx(2**32, rel=0.05) and before - after == pytest.approx(3 * 2**30, rel=0.01)
+
+
+@pytest.mark.parametrize("megabytes", [50, 120, 170, 220, 300])
+def test_a_factor_beyond_the_limit_is_an_error_before_the_solver_ends_the_process(megabytes):
+    program = f"""
+import resource
+import numpy as np, rslab, scipy.sparse as sparse
+from mitsuba_taxel.mechanics.elements import memory, solvers
+chain = sparse.diags([1.0, 1.0, 1.0], [-1, 0, 1], shape=(20, 20))
+grid = sparse.kron(sparse.kron(sparse.kron(chain, chain), chain), np.ones((3, 3)))
+matrix = sparse.csc_matrix(sparse.tril(grid) + 300 * sparse.eye(grid.shape[0]))
+with open("/proc/self/statm") as pages:
+    limit = int(pages.read().split()[5]) * resource.getpagesize() + {megabytes} * 10**6 + int(memory.ROOM)
+resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+try:
+    print(np.ptp(solvers.Rslab().factor(matrix).solve(solvers.symmetric_product(matrix, np.ones(24000)))))
+except MemoryError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-300:]
+    if "GB are free" not in done.stdout:
+        assert megabytes > 120 and float(done.stdout) < 1e-9
+
+
 def test_a_stated_need_is_what_a_factor_takes():
     """By the growth of the process, in one that has done nothing else."""
     program = """
