@@ -177,7 +177,7 @@ def _print_shown_derivatives(shown) -> None:
     from mitsuba_taxel.sensing.reading.derivative_values import derivatives_text
 
     say(f"\n{derivatives_text(shown.in_volts, terminal_width())}")
-    say("\nIn counts; changes of a parameter that equal the noise, and that saturate the output if power is linear")
+    say("\nIn counts; then the change of the parameter that equals the noise, and the change that saturates the output")
     rows = (
         (
             row["parameter"],

@@ -113,8 +113,8 @@ class Circuit(Checked):
         for name in ("led_drift", "transfer_drift"):
             if self._grown(getattr(self, name)) <= 0:
                 raise InputError(
-                    f"{name} = {getattr(self, name):g} is not allowed at temperature = {self.temperature:g}: a value "
-                    f"that leaves a factor above 0 is needed."
+                    f"{name} = {getattr(self, name):g} is not allowed at temperature = {self.temperature:g}: the "
+                    f"current would not be above 0; a drift closer to 0 is needed."
                 )
 
     def _grown(self, drift: float) -> float:

@@ -57,13 +57,15 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
     Raises
     ------
     InputError
-        if there are fewer than `FEWEST` bodies, or no patch sees any of them.
+        if there are fewer than `FEWEST` bodies, or none of them reaches the centre of a patch.
     """
     if len(solved) < FEWEST:
         raise InputError(f"{len(solved)} bodies are too few to learn from: at least {FEWEST} are needed.")
     rows = _rows(replace(model, second=None), solved)
     if not rows.force.any():
-        raise InputError("no patch of the top sees any of the bodies: a smaller spacing of the patches is needed.")
+        raise InputError(
+            "no body reaches the centre of a patch of the top: a smaller spacing of the patches is needed."
+        )
     scale = np.abs(rows.full_change).max(axis=0)
     full_scale = float(np.abs(rows.full_force[:, 2]).max())
 

@@ -46,7 +46,7 @@ def command(
     if zero is not None:
         raise click.UsageError("--zero is not allowed without --part.")
     if source.suffix.lower() == ".csv":
-        raise click.UsageError(f"{source} is a table: --part says of which part it is the curve over distance.")
+        raise click.UsageError(f"{source} is a table, not a study: name the part that it was measured with by --part.")
     from mitsuba_taxel.fitting import run_fit
 
     result = run_fit(source, folder, workers=workers, scheduler=scheduler)

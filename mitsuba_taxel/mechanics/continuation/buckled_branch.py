@@ -110,7 +110,7 @@ class BuckledPad:
                 break
             ahead = unknowns - correction
             if self.towards(unknowns, ahead) is not ahead:
-                raise Rejected("it presses on what it touches")
+                raise Rejected("it presses on an object that it touches")
             unknowns = ahead
             # At the start of a branch, the load needs one more iteration.
             if iteration and solution.residual < RESIDUAL_TOLERANCE:

@@ -59,7 +59,7 @@ class CriticalMode:
             modes = [_mode(block, state) for block in self._blocks]
         except Rejected as rejection:
             raise ComputationError(
-                f"the least stiff mode is that of a stable pad: {rejection}; a smaller load is needed."
+                f"the least stiff mode is computed for stable pads only: {rejection}; a smaller load is needed."
             ) from rejection
         self._place = int(np.argmin([stiffness for stiffness, _ in modes]))
         self.stiffness, self._mode = modes[self._place]

@@ -121,7 +121,7 @@ def test_the_program(tmp_path):
     assert depth["low"] <= 0.15 <= depth["high"] and depth["determined"]
     assert (tmp_path / "out" / "part.toml").is_file() and (tmp_path / "out" / "part.png").stat().st_size
     for words, said in (
-        (("fit", "curve.csv", "-o", "out"), "--part says of which part"),
+        (("fit", "curve.csv", "-o", "out"), "name the part that it was measured with by --part"),
         (("fit", "study.toml", "--zero", "1", "-o", "out"), "--zero is not allowed without --part"),
         (("fit", "curve.csv", "--part", "tcrt5000", "-o", "none"), "cannot be fitted"),
     ):
