@@ -52,26 +52,28 @@ Written by `{command}`; do not edit by hand. Every number and every
 comparison in the text comes from the runs.
 
 """
-_ABOUT = """\
+_INTRODUCTION = """\
 In the paper's experiments, round cells (spherical and hemispheric) are four to five times less sensitive than flat ones
 (parallelepiped), and less linear. In its simulation, all have sensitivities of the same order. The paper supposes that
 the difference is due to the layer steps of printed moulds, and to walls that neither reflect nor absorb completely.
+This page tests that supposition, one factor at a time."""
+_ABOUT = """\
+**Cases.** The reference is a smooth mould, white roofs (Lambertian, with an assumed reflectance of 0.9) and black sides
+that absorb all light. One factor at a time is changed; some rows combine extremes. The layers of printed moulds are
+stacked along z (upright) or x. A flat roof has no steps in an upright print, so that the smooth rows of flat cells are
+valid for all layer heights.
 
-This page tests that supposition. The reference is a smooth mould, white roofs (Lambertian, with an assumed reflectance
-of 0.9) and black sides that absorb all light. One factor at a time is changed; some rows combine extremes. The layers
-of printed moulds are stacked along z (upright) or x. All factors are computed for one cell, under a twelfth of the
-normal force of the experiments (0 to 10 N). The factors with the largest effects are also computed for the pads of the
-experiments, with 6 x 2 cells, and there also under 0 to 4 N along x or y at a normal force of 10 N. Forces are spread
-over the top.
+**Loads.** All factors are computed for one cell, under a twelfth of the normal force of the experiments (0 to 10 N).
+The factors with the largest effects are also computed for the pads of the experiments, with 6 x 2 cells, and there also
+under 0 to 4 N along x or y at a normal force of 10 N. Forces are spread over the top. Pad and normal force are
+symmetric about y = 0, so that only six of the twelve taxels are computed.
 
-*Slopes* are mean slopes in µW per N on a whole pad, for 1 W per LED. They are positive where the reading rises with
-compression. Whole pads have the slopes of the least and the most sensitive taxel; slopes of one cell are divided by
-twelve. *Nonlinearity* (equation 7) and tangential slopes are those of the most sensitive taxel. A nonlinearity below
-two errors is shown as "<" and the value plus two errors. A flat roof has no steps in an upright print, so the smooth
-rows of flat cells stand for all layer heights. Pad and normal force are symmetric about y = 0, so six taxels stand for
-twelve.
+**Columns.** *Slopes* are mean slopes in µW per N on a whole pad, for 1 W per LED. They are positive where the reading
+rises with compression. Whole pads have the slopes of the least and the most sensitive taxel; slopes of one cell are
+divided by twelve. *Nonlinearity* (equation 7) and tangential slopes are those of the most sensitive taxel. A
+nonlinearity below two errors is shown as "<" and the value plus two errors.
 
-Errors are one standard deviation, due to light ({paths} paths for each reading; differences of readings use paths
+**Errors** are one standard deviation, due to light ({paths} paths for each reading; differences of readings use paths
 through the same material points), finite elements of {mesh:g} mm, and triangles. {done} of {total} planned rows are
 computed, and {more} of {others} other combinations for whole pads."""
 
@@ -100,10 +102,12 @@ def page_of(figures: Figures, command: str) -> str:
         others=len(others),
     )
     paragraphs = (paragraph(text.replace("\n", " ")) for text in about.split("\n\n"))
-    parts = [_HEAD.format(command=command) + "\n\n".join(paragraphs)]
+    parts = [_HEAD.format(command=command) + paragraph(_INTRODUCTION.replace("\n", " "))]
+    parts.append("## Answers\n" + "\n".join(map(_bullet, judgement(figures))))
+    parts.append("## Computed cases\n" + "\n\n".join(paragraphs))
     tables = {
-        "## Walls of one cell\n": _chosen(figures, CELL, changed=False),
-        "## Walls of whole pads\n": _chosen(figures, PAD, changed=False),
+        _OF_CELLS: _chosen(figures, CELL, changed=False),
+        _OF_PADS: _chosen(figures, PAD, changed=False),
         _CHANGES: _chosen(figures, CELL, changed=True) | _chosen(figures, PAD, changed=True),
     }
     parts += [title + _computed(rows) for title, rows in tables.items() if rows]
@@ -111,7 +115,6 @@ def page_of(figures: Figures, command: str) -> str:
     parts += ["## Compared with the experiments\n" + _PICTURE, _ratios(figures)]
     if effects := list(_effects_of_steps(figures)):
         parts.append(_EFFECTS + markdown_table(list(effects[0]), [list(row.values()) for row in effects], WALL_HEADS))
-    parts.append("## What follows\n" + "\n".join(map(_bullet, judgement(figures))))
     if missing := [wall for wall in designed if wall not in figures]:
         parts.append(paragraph("**Not computed**: " + "; ".join(map(_name, missing)) + "."))
     return "\n\n".join(parts) + "\n"
@@ -123,17 +126,27 @@ def _bullet(line: str) -> str:
 
 WALL_HEADS = ("shape", "pad", "mould", "roof", "sides")
 _EFFECTS = """\
-The effect of steps: each row is the difference between a mould with steps and a smooth mould, with the same roof and
-sides. *Change of slope* is that of the magnitude of the slope; *sensitivity* and *linearity* state the direction if the
-change exceeds two errors. The errors of both moulds are assumed to be independent. The true errors are rather smaller,
-because both have the same elements.
+The next table has the effect of steps. A row is the difference between a mould with steps and a smooth mould, with the
+same roof and sides. *Change of slope* is that of the magnitude of the slope; *sensitivity* and *linearity* state the
+direction if the change exceeds two errors. The errors of both moulds are assumed to be independent. The true errors are
+rather smaller, because both have the same elements.
+
+"""
+_OF_CELLS = """\
+## Walls of one cell
+A row has the walls of a mould, and the slope and nonlinearity of one cell:
+
+"""
+_OF_PADS = """\
+## Walls of whole pads
+A row has the walls of a mould, and the slopes and nonlinearity of a pad:
 
 """
 _CHANGES = """\
 ## Other explanations
-Smooth moulds, white roofs and black sides, with a different assembly or load. LEDs of different brightness need no row:
-they multiply all slopes of a taxel by the same factor, and do not change the nonlinearity. Thin paint is a row in the
-tables above.
+The table has a row for each different assembly or load, with smooth moulds, white roofs and black sides. The last table
+has the measured values. LEDs of different brightness need no row: they multiply all slopes of a taxel by the same
+factor, and do not change the nonlinearity. Thin paint is a row in the tables above.
 
 """
 
@@ -274,9 +287,9 @@ def _ratios(figures: Figures) -> str:
 
 
 _RATIOS = (
-    "Sensitivities of the most sensitive taxels, relative to those of flat cells with the same walls from a smooth "
-    "mould; nonlinearity e_nl in percent. *Misfit*: typical factor between the two computed ratios and the measured "
-    "ratios. Rows are sorted by misfit."
+    "A row has the sensitivities of the most sensitive taxels, relative to those of flat cells with the same walls "
+    "from a smooth mould, and the nonlinearity e_nl in percent. *Misfit* is the typical factor between the two computed "
+    "ratios and the measured ratios. Rows are sorted by misfit:"
 )
 
 
@@ -294,10 +307,10 @@ def judgement(figures: Figures) -> list[str]:
         Sentences on the statements for which rows have been computed.
     """
     return [
-        *_nearest(figures),
         *_statement_on_steps(figures),
         *_statement_on_shapes(figures),
         *_statement_on_linearity(figures),
+        *_nearest(figures),
         *_other_explanations(figures),
         *_reached(figures),
     ]

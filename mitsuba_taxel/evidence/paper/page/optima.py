@@ -47,24 +47,15 @@ For designers who ask how much better the paper's sensor can become.
 Written by `{command}`; do not edit by hand. Every number and every comparison in the text comes from the runs.
 
 The paper compares four shapes of cells, each with one set of dimensions. Here, [`taxel optimise`](theory/optimum.md)
-searches for the dimensions of each shape that are best for a purpose. The bounds are: cell_size {cell_size} mm, height
-of the pad {height} mm, outer wall {wall} mm, and cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.4 mm. The
-mould allows walls of at least {least_wall:g} mm, so that the cells are at most 2.75 mm wide at the paper's pitch. Each
-search starts from the paper's dimensions: cells 2.55 mm wide and {heights} mm high, a pad 4.55 mm high, and walls of 1
-mm. Silicone, package and light are those of `pad.xml`; readings are in W for 1 W per LED.
+searches for the dimensions of each shape that are best for a purpose. Each section begins with the best design. The
+last sections explain the columns of the tables and the search.
 
-Three more shapes are optimised:
-
-- A *profile* is a roof of revolution, whose meridian is a spline with three points. It has eight variables: the three
-  dimensions above, r of the first two points (relative to half of cell_size, at least {r1:g} and {r2:g}), and z of all
-  points ({lowest:g} to {profile_height:g} mm). The search starts from the paper's cylinder.
-- A *square profile* has the same curve on four sides, like a pyramid. The search starts from the paper's
-  parallelepiped. Its radii of curvature are at least {least_radius:g} mm, because light in sharper tips is not computed
-  accurately.
-- A *leaning parallelepiped* has tops that may lie up to {most_lean:g} mm off the axes of the cells along x, the
-  direction of the force. All cells lean alike.
-
-The tables have these columns:
+![Before and after](optimum/optima.png)
+"""
+_ABOUT = """\
+## Columns of the tables
+A table has a row for each shape of cell. *Paper's* and *best* are the objective for the paper's design and for the best
+design. The other columns are:
 
 - **better by**: improvement by the best design, verified on a finer mesh than the {mesh_size:g} mm of the search; ± is
   the change of the improvement by the finer mesh.
@@ -76,10 +67,27 @@ The tables have these columns:
   other designs, another descent was started on the finer mesh, and the column has its gain: *within* a value, rounded
   up, if the descent ended because its steps gained no more; a value *or more off* if it ended at its limit of designs.
 
+## Search
+Each search starts from the paper's dimensions: cells 2.55 mm wide and {heights} mm high, a pad 4.55 mm high, and walls
+of 1 mm. Silicone, package and light are those of `pad.xml`; readings are in W for 1 W per LED.
+
 One descent of at most {evaluations} designs was made for each shape, so that a better design elsewhere within the
 bounds is not excluded. {effort}.
 
-![Before and after](optimum/optima.png)
+**Bounds.** The bounds are: cell_size {cell_size} mm, height of the pad {height} mm, outer wall {wall} mm, and
+cell_height {lowest:g} (hemispheric {hemispheric:g}) to 2.4 mm. The mould allows walls of at least {least_wall:g} mm, so
+that the cells are at most 2.75 mm wide at the paper's pitch.
+
+**More shapes.** Three shapes are optimised in addition to the paper's four:
+
+- A *profile* is a roof of revolution, whose meridian is a spline with three points. It has eight variables: the three
+  dimensions above, r of the first two points (relative to half of cell_size, at least {r1:g} and {r2:g}), and z of all
+  points ({lowest:g} to {profile_height:g} mm). The search starts from the paper's cylinder.
+- A *square profile* has the same curve on four sides, like a pyramid. The search starts from the paper's
+  parallelepiped. Its radii of curvature are at least {least_radius:g} mm, because light in sharper tips is not computed
+  accurately.
+- A *leaning parallelepiped* has tops that may lie up to {most_lean:g} mm off the axes of the cells along x, the
+  direction of the force. All cells lean alike.
 """
 TITLES = {
     "normal": "Most sensitive to normal force",
@@ -104,8 +112,7 @@ def write_optima(optima: Optima, docs: Path, command: str) -> Path:
     make_folder(pictures)
     _draw(optima, pictures / "optima.png")
     ranges = {name: f"{low:g} to {high:g}" for name, (low, high) in VARIABLES.items()}
-    head = _HEAD.format(
-        command=command,
+    about = _ABOUT.format(
         **ranges,
         lowest=LOWEST,
         hemispheric=LEAST_HEIGHT["hemispheric"],
@@ -127,7 +134,8 @@ def write_optima(optima: Optima, docs: Path, command: str) -> Path:
         ),
     )
     page = docs / "optimum.md"
-    write_text(page, "\n".join([head, *(_section(name, shapes) for name, shapes in optima.items()), _cost(optima)]))
+    sections = [_section(name, shapes) for name, shapes in optima.items()]
+    write_text(page, "\n".join([_HEAD.format(command=command), *sections, about, _cost(optima)]))
     return page
 
 
@@ -167,8 +175,8 @@ def _section(purpose: str, shapes: Mapping[str, xr.Dataset]) -> str:
     ]
     notes = "\n".join(lines) + "\n\n" if lines else ""
     table = markdown_table([*head, "active bounds", "remaining slope", "optimum"], rows)
-    about = f"{_best_of(purpose, shapes)} {_reach_of(shapes)}"
-    return f"## {TITLES[purpose]}\n{ASKED[purpose]}\n\n{table}\n\n{notes}{about}\n"
+    answer = f"{_best_of(purpose, shapes)}\n\n{ASKED[purpose]} {_reach_of(shapes)}"
+    return f"## {TITLES[purpose]}\n{answer}\n\n{table}\n\n{notes}".rstrip() + "\n"
 
 
 def _reach_of(shapes: Mapping[str, xr.Dataset]) -> str:
