@@ -93,7 +93,7 @@ def force_maps(
     pad: np.ndarray | None = None,
     pads: int = 1,
 ) -> np.ndarray:
-    """Maps of normal force for :meth:`ContactModel.from_forces`, from a list of contact forces on pads.
+    """Maps of normal force for `ContactModel.from_forces`, from a list of contact forces on pads.
 
     Each force is divided between the four nearest patches, so that the sum and, away from the rim, the moments stay the
     same. Tangential parts are left out. All are in the frame of the pad.

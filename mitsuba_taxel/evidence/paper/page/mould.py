@@ -288,8 +288,8 @@ def _ratios(figures: Figures) -> str:
 
 _RATIOS = (
     "A row has the sensitivities of the most sensitive taxels, relative to those of flat cells with the same walls "
-    "from a smooth mould, and the nonlinearity e_nl in percent. *Misfit* is the typical factor between the two computed "
-    "ratios and the measured ratios. Rows are sorted by misfit:"
+    "from a smooth mould, and the nonlinearity e_nl in percent. *Misfit* is the typical factor between the two "
+    "computed ratios and the measured ratios. Rows are sorted by misfit:"
 )
 
 
