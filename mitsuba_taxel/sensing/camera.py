@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.kernels.protocols import PadShape
 from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.sensing.camera_view import REPLICATES, View, refuse_unseen, view_of
+from mitsuba_taxel.sensing.marker_flow import MarkerFlow, has_markers, marker_flow
 from mitsuba_taxel.sensing.reading.mechanics_error import mechanics_deviations, moved
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads, loaded_pads
@@ -81,6 +83,8 @@ class CameraImage:
         Radiance minus that of the same scene with unloaded pads, if requested. Both have the same random numbers.
     difference_error : (H, W, C) ndarray or None
         Standard error of the difference, 1 sigma.
+    markers : MarkerFlow or None
+        Flow of the markers on the coat; None without markers.
     notes : tuple of str
         Remarks, such as on an indenter that does not touch the pad.
     """
@@ -98,6 +102,7 @@ class CameraImage:
     seconds: float
     difference: np.ndarray | None = None
     difference_error: np.ndarray | None = None
+    markers: MarkerFlow | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -191,13 +196,15 @@ def camera_image(
             f"no light reaches the coat, of {count * REPLICATES} paths from each pixel: turn a light towards the coat, "
             "and give the regions outer and bottom, where light enters, the BSDF null."
         )
-    changes: dict[str, np.ndarray] = {}
+    changes: dict[str, Any] = {}
     if difference:
-        pads = deformed_pads(live)
-        rest = [pad.moved_places(replace(pad.state, displacement=0 * pad.state.displacement), pad.pad) for pad in pads]
-        with moved(live, pads, rest):
+        with _unloaded(live):
             unloaded = _replicates(live, view.camera, count, seed, run, progress)
         changes = dict(zip(("difference", "difference_error"), _mean_and_error(images - unloaded), strict=True))
+    if has_markers(live):
+        with _unloaded(live):
+            at_rest = view_of(live).points
+        changes["markers"] = marker_flow(live, view.points - view.displacement, at_rest)
     radiance, standard_error = _mean_and_error(images)
     return CameraImage(
         radiance,
@@ -214,6 +221,13 @@ def camera_image(
         notes=tuple(UNTOUCHED for pad in loaded_pads(live) if pad.load.indenter is not None and not _is_touched(pad)),
         **changes,
     )
+
+
+def _unloaded(scene: mi.Scene) -> AbstractContextManager[None]:
+    """A block in which the pads of a scene have no load."""
+    pads = deformed_pads(scene)
+    rest = [pad.moved_places(replace(pad.state, displacement=0 * pad.state.displacement), pad.pad) for pad in pads]
+    return moved(scene, pads, rest)
 
 
 def _is_touched(pad: PadShape) -> bool:

@@ -49,6 +49,8 @@ class View:
         Whether that surface is the coat: the top of a pad without cells, seen from inside.
     displacement : (H, W, 3) ndarray
         Displacement of the coat by the load, in mm along x, y and z of the scene; NaN in other pixels.
+    points : (H, W, 3) ndarray
+        Place of the coat in mm in the scene; NaN in other pixels.
     contact_pressure : (H, W) ndarray or None
         Contact pressure of an indenter on the coat: force in MPa per area of the unloaded coat. NaN in other pixels;
         None without an indenter that touches.
@@ -58,6 +60,7 @@ class View:
     depth: np.ndarray
     coat: np.ndarray
     displacement: np.ndarray
+    points: np.ndarray
     contact_pressure: np.ndarray | None
 
 
@@ -228,6 +231,7 @@ def _view(scene: mi.Scene, camera: mi.Sensor) -> View:
         depth.reshape(height, width),
         on_coat.reshape(height, width),
         displacement.reshape(height, width, 3),
+        np.where(on_coat[:, None], points, math.nan).reshape(height, width, 3),
         None if not np.nansum(pressure) else pressure.reshape(height, width),
     )
 

@@ -14,6 +14,7 @@ import numpy as np
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.base.files.atomic import replacing
 from mitsuba_taxel.sensing.camera import CameraImage
+from mitsuba_taxel.sensing.marker_flow import MarkerFlow
 from mitsuba_taxel.sensing.scene.finding import is_file
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ BRIGHTEST = 99.5
 """Percentile of the image that is white in the PNG."""
 ABOUT = "about"
 """Attribute of the EXR with everything else, as JSON."""
+MARKERS = "markers"
+"""Fact of an image with the flow of its markers."""
 CHANGES = ("difference", "difference_error")
 """Quantities of each colour that an image may have."""
 NO_IMAGE = "is not allowed: an image that `taxel render` or `taxel sweep` wrote is needed."
@@ -89,6 +92,7 @@ def write_exr(image: CameraImage, file: Path, about: Mapping[str, object] = Mapp
     if image.contact_pressure is not None:
         channels["contact_pressure"] = image.contact_pressure
     pixels = {name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()}
+    markers = {} if image.markers is None else {MARKERS: image.markers.as_lists()}
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
@@ -96,7 +100,7 @@ def write_exr(image: CameraImage, file: Path, about: Mapping[str, object] = Mapp
         "seed": str(image.seed),
         "samples": str(image.samples),
         "replicates": str(image.replicates),
-        ABOUT: json.dumps({"seconds": image.seconds, "notes": image.notes, **about}),
+        ABOUT: json.dumps({"seconds": image.seconds, "notes": image.notes, **markers, **about}),
     }
     with replacing(file) as temporary, OpenEXR.File(header, pixels) as exr:
         exr.write(str(temporary))
@@ -143,6 +147,7 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
             replicates=int(header["replicates"]),
             seed=int(header["seed"]),
             seconds=float(about.pop("seconds")),
+            markers=MarkerFlow.of_lists(about.pop(MARKERS)) if MARKERS in about else None,
             notes=tuple(about.pop("notes", ())),
             **changes,
         )

@@ -25,6 +25,7 @@ from mitsuba_taxel.mechanics.surface.finish import Finish, Grooves, LayerSteps, 
 from mitsuba_taxel.mechanics.surface.wall_finishes import SeparateFinish
 from mitsuba_taxel.pads import AnyPad, Block, Pad, PadFile
 from mitsuba_taxel.pads.cells import CellShape
+from mitsuba_taxel.pads.markers import Markers, markers_of
 from mitsuba_taxel.parameters import (
     REQUIRED,
     Kinded,
@@ -108,6 +109,14 @@ class DeformablePad(Specification, Kinded):
     width: float | None = _of_block("width")
     depth: float | None = _of_block("depth")
     top_radius: float | None = _of_block("top_radius")
+    markers: str | None = text(
+        "",
+        "Grid of round, dark markers on the coat, which move with the silicone: their distances along x and y and "
+        "their radius, 'dx dy radius' in mm.",
+        "three numbers",
+        when=("cell", NO_CELL),
+        default_words="none",
+    )
     cell_size: float | None = _of_pad("cell_size")
     cell_height: float | None = _of_pad("cell_height")
     profile: str | None = _of_pad("profile")
@@ -311,6 +320,7 @@ class DeformablePad(Specification, Kinded):
             )
         self.build_finish()
         self.cell_numbers()
+        self.build_markers()
         terms, (times, values), mullins = self.build_prony(), self.build_history(), self.build_mullins()
         if terms and mullins:
             raise InputError(
@@ -345,6 +355,10 @@ class DeformablePad(Specification, Kinded):
             return Block(**self._own(Block)) if self.cell == NO_CELL else Pad(**self._own(Pad))
         rules = () if self.regions is None else find(self.regions)
         return PadFile(find(self.filename), rules, **self._own(PadFile))
+
+    def build_markers(self) -> Markers | None:
+        """The markers on the coat of a block; None without markers."""
+        return markers_of(self.markers, Block(**self._own(Block))) if self.markers else None
 
     def build_material(self) -> Material:
         """Create the material law of the pad."""

@@ -42,7 +42,10 @@ if TYPE_CHECKING:
     from mitsuba_taxel.mechanics.continuation.state import State
     from mitsuba_taxel.mechanics.errors.second_state import SecondState
     from mitsuba_taxel.mechanics.surface.tessellation import Surface
+    from mitsuba_taxel.pads.markers import Markers
 
+MARKER_REFLECTANCE = 0.03
+"""Reflectance of markers, as of black ink."""
 FLAT = 1e-5
 """Negligible distance of triangles from a curved wall, relative to the height of the pad."""
 
@@ -122,6 +125,8 @@ class DeformablePad(mi.Mesh):
         # Light passes through a null wall of a block, but rays to a light would end there: it gets no triangles.
         self.clear = clear_regions(walls) if isinstance(self.pad, Block) else []
         self.mirrors = [code for wall in walls for code in mirrors(wall) if code not in self.clear]
+        if isinstance(self.pad, Block) and (markers := parameters.build_markers()):
+            _paint(markers, self.pad, walls)
         # A camera sees single triangles of the coat, which would look like facets.
         self.smooth = sorted({*self.mirrors, REGIONS["top"]}) if isinstance(self.pad, Block) else self.mirrors
         check_mirrors(self.pad, self.mirrors, self.subdivision)
@@ -140,7 +145,7 @@ class DeformablePad(mi.Mesh):
         mesh_data = self._places(self.surface, self.surface.facing)
         if mesh_data.normals is not None:
             triangles = np.arange(triangles.size).reshape(-1, 3)
-        initialize_mesh(self, props, mesh_data, triangles)
+        initialize_mesh(self, props, mesh_data, triangles, self._texcoords())
         self._add_attributes(self)
 
     def _solve(self, waits: bool) -> Surface:
@@ -189,6 +194,15 @@ class DeformablePad(mi.Mesh):
         normals[smooth] = np.einsum("tki,ji->tkj", surface.normals[smooth], self.to_world[:3, :3])
         normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), np.finfo(np.float32).tiny)
         return Places(corners.reshape(-1, 3), normals.reshape(-1, 3), region)
+
+    def _texcoords(self) -> np.ndarray | None:
+        """Texture coordinates of the vertices of a block, which do not depend on its load: x and y of the unloaded
+        pad, from 0 to 1 along its sides; None for other pads."""
+        if not isinstance(self.pad, Block):
+            return None
+        pose = tuple(map(tuple, np.eye(4).tolist()))
+        rest = _undeformed(self.state.mesh, self.subdivision, self.finish, None, self.pad, pose)
+        return 0.5 + rest.vertices[self.surface.triangles].reshape(-1, 3)[:, :2] / self.pad.extent[:2]
 
     def changing_region(self, surface: Surface | None = None) -> np.ndarray | None:
         """Region codes (T,) of a surface that may touch packages, by default the current surface; None if regions
@@ -451,6 +465,16 @@ class DeformablePad(mi.Mesh):
 
     def to_string(self) -> str:
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
+
+
+def _paint(markers: Markers, block: Block, walls: list[mi.BSDF]) -> None:
+    """Paint markers onto the coat of a block."""
+    if not (walls and is_region(walls[0]) and "top" in walls[0].walls):
+        raise InputError("markers are not allowed without a coat: a region BSDF with a top is needed.")
+    weight = {"type": "bitmap", "bitmap": mi.Bitmap(markers.map_on(block)[..., None]), "raw": True}
+    dark = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": MARKER_REFLECTANCE}}
+    parts = {"weight": weight | {"wrap_mode": "clamp"}, "coat": walls[0].walls["top"], "markers": dark}
+    walls[0].walls["top"] = mi.load_dict({"type": "blendbsdf", **parts})
 
 
 @kept(4)  # the pads of a study share their mesh

@@ -35,7 +35,7 @@ SELDOM = (
 """Parameters that take minutes, exclude others, or fit few others: given in wild scenes alone."""
 WORDS = {
     "prony": "0.2 1; 0.1 10", "history": "1 0 0 -0.1", "profile": "1.3 0; 1.3 0.8; 0.9 1.3; 0 1.4", "read_cells": "1",
-    "mullins": "2 0.02 0.1", "file": "table.csv", "reflectance_table": "walls.csv",
+    "mullins": "2 0.02 0.1", "markers": "2 2 0.25", "file": "table.csv", "reflectance_table": "walls.csv",
 }  # fmt: skip
 SHARES = ("specular", "lambertian", "isotropic")
 

@@ -131,6 +131,7 @@ def _render_image(description, target_error, points, seed, difference, output, a
     from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.sensing.camera import RELATIVE_ERRORS, camera_image
     from mitsuba_taxel.sensing.image_file import write_image
+    from mitsuba_taxel.sensing.marker_flow import write_markers
 
     from .. import tables
 
@@ -150,6 +151,9 @@ def _render_image(description, target_error, points, seed, difference, output, a
         )
     file = output or Path(f"{Path(description.name).stem}.exr")
     picture = write_image(image, file)
+    table = None
+    if image.markers is not None:
+        write_markers(image.markers, table := file.with_name(f"{file.stem}_markers.csv"))
     height, width, _ = image.radiance.shape
     errors = image_errors(*(getattr(image, name) for name in RELATIVE_ERRORS))
     if as_json:
@@ -166,6 +170,7 @@ def _render_image(description, target_error, points, seed, difference, output, a
                 "seed": image.seed,
                 "seconds": image.seconds,
                 "notes": list(image.notes),
+                **({} if table is None else {"markers": str(table)}),
             }
         )
     else:
@@ -173,6 +178,8 @@ def _render_image(description, target_error, points, seed, difference, output, a
         tables.say(f"Image of {width} x {height} pixels: {file}, {picture}")
         tables.say(f"The coat fills {image.coat.mean():.1%} of it.")
         tables.say(f"Relative error of a pixel (root mean square): {errors}; light from {count}.")
+        if table is not None:
+            tables.say(f"Flow of {len(image.markers.pixel)} markers: {table}")
         for note in image.notes:
             tables.say(f"{note[0].upper()}{note[1:]}.")
     if target_error is not None and not image.relative_total_error <= target_error:

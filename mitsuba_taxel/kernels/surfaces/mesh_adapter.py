@@ -28,7 +28,9 @@ class Places(NamedTuple):
     region: np.ndarray | None = None
 
 
-def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangles: np.ndarray) -> None:
+def initialize_mesh(
+    mesh: mi.Mesh, props: mi.Properties, places: Places, triangles: np.ndarray, texcoords: np.ndarray | None = None
+) -> None:
     """Call ``mi.Mesh.__init__`` on a Python subclass under construction, and set its geometry.
 
     Parameters
@@ -41,11 +43,17 @@ def initialize_mesh(mesh: mi.Mesh, props: mi.Properties, places: Places, triangl
         Vertices and normals.
     triangles : (T, 3) ndarray of int
         Vertices of each triangle, counter-clockwise seen from outside.
+    texcoords : (V, 2) ndarray, optional
+        Texture coordinates of the vertices.
     """
     smooth = places.normals is not None
     props["face_normals"] = not smooth
     counts = (len(places.vertices), len(triangles))
-    mi.Mesh.__init__(mesh, props.id() or props.plugin_name(), *counts, props=props, has_vertex_normals=smooth)
+    has = {"has_vertex_normals": smooth, "has_vertex_texcoords": texcoords is not None}
+    mi.Mesh.__init__(mesh, props.id() or props.plugin_name(), *counts, props=props, **has)
+    if texcoords is not None:
+        parameters = mi.traverse(mesh)
+        parameters["vertex_texcoords"] = in_packets(texcoords)
     give_geometry(mesh, places, triangles)
 
 

@@ -24,7 +24,7 @@ from mitsuba_taxel.sensing.image_file import read_image
 from mitsuba_taxel.studies.plan.files import make_empty_folder
 from mitsuba_taxel.studies.plan.job import IMAGES
 from mitsuba_taxel.studies.run.training import PARTS, PLACES, check_split, part_by_words
-from mitsuba_taxel.studies.store.image_folder import headings, image_rows, open_images
+from mitsuba_taxel.studies.store.image_folder import FLOW, headings, image_rows, open_images, write_flow
 from mitsuba_taxel.studies.store.netcdf import hdf5_image
 from mitsuba_taxel.studies.store.training_files import check_hdf5
 
@@ -56,8 +56,8 @@ def image_set(
     study : Path
         Folder of the study.
     output : Path
-        Folder for ``train.csv``, ``validation.csv``, ``test.csv``, the images with their pictures, and a datasheet,
-        ``README.md``; must be new or empty.
+        Folder for ``train.csv``, ``validation.csv``, ``test.csv``, the images with their pictures, ``markers.csv`` if
+        the coat has markers, and a datasheet, ``README.md``; must be new or empty.
     split : Sequence[float]
         Fractions of the training, validation and test set, each above 0; their sum is 1.
     seed : int
@@ -115,6 +115,7 @@ def image_set(
         shutil.copyfile(study / image, output / image)
         if (study / image.with_suffix(".png")).is_file():
             shutil.copyfile(study / image.with_suffix(".png"), output / image.with_suffix(".png"))
+    write_flow(study, rows.image.tolist(), output / FLOW)
     write_text(output / "README.md", _datasheet(images, tables, seed))
     if hdf5:
         groups = {name: _group(study, part) for name, part in tables.items()}

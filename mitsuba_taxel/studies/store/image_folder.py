@@ -25,7 +25,7 @@ from mitsuba_taxel.studies.store.dataset import coordinates_of, failure_lines
 from mitsuba_taxel.studies.store.folder import Store
 from mitsuba_taxel.studies.store.opening import read_results
 
-TABLE, SHEET = "images.csv", "contact_sheet"
+TABLE, SHEET, FLOW = "images.csv", "contact_sheet", "markers.csv"
 MOST_ON_SHEET = 64
 """Largest number of images on the contact sheet."""
 
@@ -248,8 +248,8 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
 
 
 def write_images(study: xr.Dataset, folder: Path) -> None:
-    """Write the files that are derived from the images of a study: a PNG beside each image, the table ``images.csv``,
-    and a contact sheet.
+    """Write what follows from the images of a study: a PNG beside each, the tables ``images.csv`` and, with markers,
+    ``markers.csv``, and a contact sheet.
 
     All pictures have the same radiance as white, so that they can be compared.
 
@@ -267,6 +267,8 @@ def write_images(study: xr.Dataset, folder: Path) -> None:
     head = [f"# {name}: {study.attrs[name]}" for name in ("scene", "parameters", "seed", "versions")]
     head += [f"# {note}" for note in study.attrs["notes"].splitlines()]
     write_text(folder / TABLE, "\n".join(head) + "\n" + headed.to_csv(index=False))
+
+    write_flow(folder, table.image.tolist(), folder / FLOW)
 
     # Pictures of scenes that were renumbered or have failed since are removed.
     for picture in (folder / IMAGES).glob("[0-9]*.png"):
@@ -286,6 +288,25 @@ def write_images(study: xr.Dataset, folder: Path) -> None:
     figure = plot_contact_sheet(shown, white, columns)
     with replacing(folder / f"{SHEET}.png") as file:
         figure.savefig(file, format="png", dpi=100)
+
+
+def write_flow(study: Path, files: Sequence[str], output: Path) -> None:
+    """Write the flow of the markers of all images as one table; nothing without markers.
+
+    Parameters
+    ----------
+    study : Path
+        Folder of the study.
+    files : sequence of str
+        Names of the images in the folder.
+    output : Path
+        CSV file, with the columns ``image`` and those of `MarkerFlow.columns`.
+    """
+    flows = {file: read_image(study / file)[0].markers for file in files}
+    parts = [pd.DataFrame({"image": file} | flow.columns()) for file, flow in flows.items() if flow is not None]
+    output.unlink(missing_ok=True)
+    if parts:
+        write_text(output, pd.concat(parts).to_csv(index=False))
 
 
 def image_rows(study: xr.Dataset) -> pd.DataFrame:

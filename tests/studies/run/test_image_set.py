@@ -20,7 +20,8 @@ PARTS = ("train", "validation", "test")
 def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("studies") / "gel"
     vary = {"uz": "0,-0.2", "x": "-4:4:2", "youngs_modulus": "0.2"}
-    sweep("gel.xml", vary, {"width": "32", "height": "24"}, points=1, mesh_size=2.0, output=folder)
+    small = {"width": "32", "height": "24", "markers": "4 4 0.5"}
+    sweep("gel.xml", vary, small, points=1, mesh_size=2.0, output=folder)
     return folder
 
 
@@ -47,6 +48,20 @@ def test_a_training_set_has_each_image_once_with_its_touch_and_force(study, tmp_
                 assert (np.nansum(group.contact_pressure[number]) > 0) is (tables[name].uz_mm[number] < 0)
     text = (tmp_path / "set" / "README.md").read_text("utf-8")
     assert "`reaction_fz_N`" in text and "scene gel.xml" in text
+
+
+def test_the_markers_of_all_images_are_a_table_and_move_towards_the_touch(study, tmp_path):
+    table = pandas.concat(image_set(study, tmp_path / "set").values()).set_index("image")
+    markers = pandas.read_csv(tmp_path / "set" / "markers.csv")
+    assert (markers.groupby("image").size() == 15).all() and len(markers) == 150
+    assert markers.equals(pandas.read_csv(study / "markers.csv"))
+    for image, own in markers.groupby("image"):
+        deepest = own.loc[own.uz_mm.idxmin()]
+        if table.uz_mm[image] == 0:
+            assert not own[["ux_mm", "uy_mm", "uz_mm"]].any(axis=None)
+        elif abs(table.x_mm[image]) % 4 == 0:  # a marker is below the ball
+            assert (deepest.x_mm, deepest.y_mm) == (table.x_mm[image], 0)
+            assert deepest.uz_mm == pytest.approx(table.uz_mm[image], abs=0.03)
 
 
 def test_touches_keep_their_part_and_what_images_do_not_have_is_refused(study, tmp_path):
