@@ -172,7 +172,8 @@ def show_images(study, folder: Path, as_json: bool) -> None:
         about = {"output": str(folder), "failures": study.attrs["failures"].splitlines()}
         print_json({**about, "images": files, **{name: known(error) for name, error in errors.items()}})
         return
-    say(f"{count} images in {folder / 'images'}, and all of them in {folder / 'contact_sheet.png'}")
+    together = f"{folder / 'contact_sheet.png'} and {folder / 'film.png'}"
+    say(f"{count} images in {folder / 'images'}, and all of them in {together}")
     say(f"Relative error of a pixel (root mean square), at most: {image_errors(*errors.values())}.")
     for note in study.attrs["notes"].splitlines():
         say(note)

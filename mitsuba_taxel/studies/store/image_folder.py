@@ -25,7 +25,7 @@ from mitsuba_taxel.studies.store.dataset import coordinates_of, failure_lines
 from mitsuba_taxel.studies.store.folder import Store
 from mitsuba_taxel.studies.store.opening import read_results
 
-TABLE, SHEET, FLOW = "images.csv", "contact_sheet", "markers.csv"
+TABLE, SHEET, FLOW, FILM = "images.csv", "contact_sheet", "markers.csv", "film.png"
 MOST_ON_SHEET = 64
 """Largest number of images on the contact sheet."""
 
@@ -249,7 +249,7 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
 
 def write_images(study: xr.Dataset, folder: Path) -> None:
     """Write what follows from the images of a study: a PNG beside each, the tables ``images.csv`` and, with markers,
-    ``markers.csv``, and a contact sheet.
+    ``markers.csv``, a contact sheet, and ``film.png``, an animated PNG of all images in the order of the table.
 
     All pictures have the same radiance as white, so that they can be compared.
 
@@ -261,6 +261,7 @@ def write_images(study: xr.Dataset, folder: Path) -> None:
         Folder of the study.
     """
     from mitsuba_taxel.plots.contact_sheet import plot_contact_sheet
+    from mitsuba_taxel.plots.film import write_film
 
     table = image_rows(study)
     headed = table.rename(columns=headings(study, table))
@@ -284,6 +285,7 @@ def write_images(study: xr.Dataset, folder: Path) -> None:
             values = ((name, row[name]) for name in varied)
             label = ", ".join(f"{name}={value:g}" if _is_number(value) else f"{name}={value}" for name, value in values)
             shown[label or Path(row.image).stem] = image.radiance
+    write_film([(folder / image).with_suffix(".png") for image in table.image], folder / FILM)
     columns = study.sizes[study.image.dims[-1]] if len(study.image.dims) > 1 and len(shown) == len(table) else None
     figure = plot_contact_sheet(shown, white, columns)
     with replacing(folder / f"{SHEET}.png") as file:

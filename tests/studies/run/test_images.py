@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pandas
 import pytest
+from PIL import Image
 
 from mitsuba_taxel import InputError, open_study, sweep
 from mitsuba_taxel.sensing import Scene, find_scene
@@ -72,6 +73,11 @@ def test_a_study_has_pictures_a_table_and_a_contact_sheet(images):
     pictures = [np.array(mi.Bitmap(str((folder / name).with_suffix(".png")))) for name in listed.image]
     assert all(picture.shape == (24, 32, 3) for picture in pictures)
     assert (folder / "contact_sheet.png").is_file()
+    with Image.open(folder / "film.png") as film:
+        assert (film.n_frames, film.is_animated, film.info["loop"]) == (3, True, 0)
+        for number, picture in enumerate(pictures):
+            film.seek(number)
+            assert np.array_equal(np.array(film.convert("RGB")), picture) and film.info["duration"] == 200
     (state,) = study_status(folder)
     assert (state.done, state.failed, state.total) == (3, 0, 3)
     assert state.error == pytest.approx(float(table.relative_total_error.max()))
