@@ -31,7 +31,7 @@ FIRST, FURTHER, MOST = 8, 4, 40
 """Number of bodies that are solved first, then each time while the error is too large, and at most."""
 ENDINGS = (".npz", ".onnx", ".py")
 FORMAT = 2
-"""Version of the file format; files of version 1 have no lateral displacements."""
+"""Version of the file format. Version 1 had other second-order terms."""
 UNITS = {
     "x": "mm, centres of the columns",
     "y": "mm, centres of the rows, descending",
@@ -44,8 +44,9 @@ UNITS = {
     "largest_depth": "mm",
     "places": "mm, lowest and highest centre of pressure, x and y",
     "lateral": "mm/N, mean displacement of a covered patch along x and y by a force on each",
-    "second_reading": "1, factors of the relative change, and of depth over height",
-    "second_force": "1, factors of depth over height, and of the root of the area over height",
+    "second_reading": "1, of a constant, the relative change, depth over height, and force by mean compliance over it",
+    "second_force": "1, of a constant, depth over height, root of the area over it, and square of the distance over it",
+    "second_side": "1, ratio of the tangential force to that of the slope of bodies",
 }
 """Arrays of a file, with their units."""
 
@@ -172,7 +173,7 @@ def contact_notes(model: ContactModel, error: float, failed: list[str]) -> list[
         f"readings: error {errors.reading_rms:.2%} of full scale (at worst {errors.reading_worst:.2%}), on "
         f"{errors.bodies} balls and rods, {errors.states} states, left out one by one",
         f"force: error {errors.force_rms:.2%} of {errors.force_full_scale:.3g} N (at worst {errors.force_worst:.2%}), "
-        "including its tangential part, which the model leaves out",
+        "with its tangential part, that of bodies without friction",
         f"moments about x and y: error {errors.moment_rms:.2g} N mm",
         "errors of the finite elements are not included; the largest force and the largest change of each taxel are "
         "full scale, so that light touches have larger relative errors",
@@ -218,7 +219,7 @@ def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, 
     if file.suffix == ".npz" and model.lateral is not None:
         arrays["lateral"] = model.lateral
     if model.second is not None:
-        arrays |= {"second_reading": model.second.reading, "second_force": model.second.force}
+        arrays |= {f"second_{name}": np.asarray(values) for name, values in model.second._asdict().items()}
     text = {
         "format": FORMAT,
         "units": {name: UNITS[name] for name in arrays},
@@ -265,15 +266,18 @@ def read_contact_model(file: str | Path) -> ContactModel:
         with np.load(path, allow_pickle=False) as content:
             arrays: dict[str, Any] = {name: content[name] for name in content.files}
         about = json.loads(str(arrays.pop("about")))
-        later = about["format"] > FORMAT
+        later, earlier = about["format"] > FORMAT, about["format"] < FORMAT
     except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
         raise InputError(f"{path} is no model of contact: a file of taxel export --contact is needed.") from error
     if later:
         raise InputError(f"{path} is of a later version of the format ({about['format']}): a newer program is needed.")
+    if earlier:
+        raise InputError(f"{path} is of an earlier version of the format: export it again.")
     try:
         second = None
         if "second_reading" in arrays:
-            second = SecondOrder(arrays.pop("second_reading"), arrays.pop("second_force"))
+            own = {name: arrays.pop(f"second_{name}") for name in SecondOrder._fields}
+            second = SecondOrder(**own | {"side": float(own["side"])})
         width, depth = arrays.pop("size").tolist()
         scalars: dict[str, Any] = {name: float(arrays.pop(name)) for name in ("height", "largest_depth")}
         errors = None if about["errors"] is None else LearntErrors(**about["errors"])

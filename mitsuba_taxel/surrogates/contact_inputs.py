@@ -137,7 +137,7 @@ def force_maps(
 
 
 def _hats(place: float, count: int) -> np.ndarray:
-    """Weights (count,) of linear interpolation at a place from 0 to count - 1; 0 more than half a step outside."""
+    """Weights (count,) of linear interpolation at a place among 0 ... count - 1; all 0 outside."""
     if not -0.5 <= place <= count - 0.5:
         return np.zeros(count)
     return np.maximum(1 - np.abs(np.arange(count) - np.clip(place, 0, count - 1)), 0.0)

@@ -17,6 +17,7 @@ from mitsuba_taxel.surrogates.contact_readings import (
     TOO_DEEP,
     TOO_FAR,
     ContactModel,
+    SecondOrder,
 )
 from mitsuba_taxel.surrogates.onnx_model import IR, OPSET, check_onnx
 
@@ -37,6 +38,51 @@ _MEANS: list[_Step] = [
     ("Greater", "lowest_{axis} none", "below_{axis}"),
     ("Where", "below_{axis} correction_{axis} none", "inner_{axis}"),
     ("Pad", "inner_{axis} margin_{axis}", "padded_{axis}"),
+]
+_SLOPES: list[_Step] = [
+    # Slopes along {axis}: means of those to both neighbours below the body; at an edge, extrapolated from the next.
+    ("Slice", "clean zero_{axis} but_one_{axis} axis_{axis}", "lower_{axis}"),
+    ("Slice", "clean one end_{axis} axis_{axis}", "upper_{axis}"),
+    ("Sub", "upper_{axis} lower_{axis}", "rise_{axis}"),
+    ("Div", "rise_{axis} step_{axis}", "plain_slope_{axis}"),
+    ("Min", "lower_{axis} upper_{axis}", "lower_depth_{axis}"),
+    ("Greater", "lower_depth_{axis} none", "both_{axis}"),
+    ("Where", "both_{axis} plain_slope_{axis} none", "slope_{axis}"),
+    ("Cast to=double", "both_{axis}", "both_number_{axis}"),
+    ("Pad", "slope_{axis} wide_margin_{axis}", "slopes_{axis}"),
+    ("Pad", "both_number_{axis} wide_margin_{axis}", "knowns_{axis}"),
+    ("Slice", "slopes_{axis} zero_{axis} end_{axis} axis_{axis}", "slope_2_before_{axis}"),
+    ("Slice", "slopes_{axis} one past_one_{axis} axis_{axis}", "slope_before_{axis}"),
+    ("Slice", "slopes_{axis} two past_two_{axis} axis_{axis}", "slope_after_{axis}"),
+    ("Slice", "slopes_{axis} three past_three_{axis} axis_{axis}", "slope_2_after_{axis}"),
+    ("Slice", "knowns_{axis} zero_{axis} end_{axis} axis_{axis}", "known_2_before_{axis}"),
+    ("Slice", "knowns_{axis} one past_one_{axis} axis_{axis}", "known_before_{axis}"),
+    ("Slice", "knowns_{axis} two past_two_{axis} axis_{axis}", "known_after_{axis}"),
+    ("Slice", "knowns_{axis} three past_three_{axis} axis_{axis}", "known_2_after_{axis}"),
+    *(
+        step
+        for name in ("before", "after")
+        for step in (
+            ("Sub", f"slope_{name}_{{axis}} slope_2_{name}_{{axis}}", f"bend_{name}_{{axis}}"),
+            ("Mul", f"bend_{name}_{{axis}} known_2_{name}_{{axis}}", f"known_bend_{name}_{{axis}}"),
+            ("Mul", f"known_bend_{name}_{{axis}} half", f"half_bend_{name}_{{axis}}"),
+            ("Add", f"slope_{name}_{{axis}} half_bend_{name}_{{axis}}", f"edge_slope_{name}_{{axis}}"),
+            ("Greater", f"known_{name}_{{axis}} none", f"is_{name}_{{axis}}"),
+            ("Where", f"is_{name}_{{axis}} edge_slope_{name}_{{axis}} none", f"only_{name}_{{axis}}"),
+        )
+    ),
+    ("Add", "slope_before_{axis} slope_after_{axis}", "slope_sum_{axis}"),
+    ("Mul", "slope_sum_{axis} half", "slope_mean_{axis}"),
+    ("And", "is_before_{axis} is_after_{axis}", "is_inner_{axis}"),
+    ("Add", "only_before_{axis} only_after_{axis}", "outer_slope_{axis}"),
+    ("Where", "is_inner_{axis} slope_mean_{axis} outer_slope_{axis}", "whole_slope_{axis}"),
+    ("Reshape", "whole_slope_{axis} flat", "slope_row_{axis}"),
+    ("Gather axis=1", "slope_row_{axis} covered", "slope_on_top_{axis}"),
+    ("Mul", "changed_forces slope_on_top_{axis}", "pushed_{axis}"),
+    ("Mul", "pushed_{axis} side_ratio", "tangential_{axis}"),
+    ("ReduceSum keepdims=1", "tangential_{axis} last", "tangential_sum_{axis}"),
+    ("Mul", "tangential_{axis} heights", "turning_{axis}"),
+    ("ReduceSum keepdims=1", "turning_{axis} last", "lever_{axis}"),
 ]
 _FORCES: list[_Step] = [
     ("IsInf", "depth", "infinite"),
@@ -84,39 +130,60 @@ _READINGS: list[_Step] = [
     ("Mul", "largest unsolved", "limit"),
     ("Greater", "residual limit", "open_pad"),
     ("Cast to=int64", "open_pad", "open_pad_number"),
-    ("MatMul", "forces gradient", "linear"),
-    ("ReduceSum keepdims=0", "forces last", "total"),
-    ("MatMul", "forces points", "about"),
-    ("Unsqueeze", "total last", "total_column"),
-    ("Div", "about total_column", "plain_centre"),
     ("Greater", "forces none", "touching"),
     ("Cast to=double", "touching", "touching_number"),
     ("ReduceSum keepdims=0", "touching_number last", "patches"),
     ("Mul", "patches patch_area", "plain_area"),
-    # Second-order terms.
+    # Second-order terms of the forces.
     ("Max", "deepest none", "deep_length"),
     ("Div", "deep_length height", "deep"),
     ("Sqrt", "plain_area", "root_area"),
     ("Div", "root_area height", "wide"),
     ("Unsqueeze", "deep last", "deep_column"),
     ("Unsqueeze", "wide last", "wide_column"),
+    ("ReduceSum keepdims=1", "forces last", "plain_total"),
+    ("MatMul", "forces squares", "plain_squares"),
+    ("Max", "plain_total tiny", "divisor_total"),
+    ("Div", "plain_squares divisor_total", "apart_column"),
+    ("Concat axis=1", "deep_column wide_column apart_column", "force_features"),
+    ("MatMul", "force_features force_terms", "force_term"),
+    ("Add", "force_unit force_term", "ratio"),
+    ("Mul", "forces ratio", "changed_forces"),
+    # Sum, moments, and second-order terms of the readings.
+    ("ReduceSum keepdims=1", "changed_forces last", "total"),
+    ("MatMul", "changed_forces points", "about"),
+    ("Div", "about total", "plain_centre"),
+    ("MatMul", "changed_forces gradient", "linear"),
+    ("Mul", "total softness", "strain"),
     ("Div", "linear rest", "relative"),
     ("Mul", "relative by_change", "first_term"),
     ("Mul", "deep_column by_depth", "second_term"),
-    ("Sum", "unit first_term second_term", "factor"),
+    ("Mul", "strain by_force", "third_term"),
+    ("Sum", "reading_unit first_term second_term third_term", "factor"),
     ("Mul", "linear factor", "change"),
     ("Add", "rest change", "plain_power"),
-    ("Concat axis=1", "deep_column wide_column", "force_features"),
-    ("MatMul", "force_features force_terms", "force_term"),
-    ("Add", "unit force_term", "ratio"),
-    ("Mul", "forces ratio", "changed_forces"),
-    ("Mul", "total_column ratio", "changed_total"),
-    ("Mul", "about ratio", "changed_about"),
-    # Vectors, and the map of pressures.
-    ("MatMul", "changed_total down", "plain_force"),
-    ("MatMul", "changed_about crossed", "plain_moment"),
     ("MatMul", "changed_forces onto_map", "flat_pressure"),
     ("Reshape", "flat_pressure map_shape", "plain_pressure"),
+    ("Reshape", "clean flat", "depth_row"),
+    ("Gather axis=1", "depth_row covered", "depth_on_top"),
+    ("Max", "depth_on_top none", "lowered"),
+    ("Sub", "height lowered", "heights"),
+]
+_WRENCH: list[_Step] = [
+    ("MatMul", "total down", "normal"),
+    ("Mul", "tangential_sum_2 along_x", "force_x"),
+    ("Mul", "tangential_sum_1 along_y", "force_y"),
+    ("Sum", "normal force_x force_y", "plain_force"),
+    ("MatMul", "about crossed", "upright"),
+    ("Mul", "lever_2 along_y", "moment_y"),
+    ("Mul", "lever_1 minus_along_x", "moment_x"),
+    ("MatMul", "tangential_1 place_x", "turn_1"),
+    ("MatMul", "tangential_2 place_y", "turn_2"),
+    ("Sub", "turn_1 turn_2", "turn"),
+    ("Mul", "turn along_z", "moment_z"),
+    ("Sum", "upright moment_x moment_y moment_z", "plain_moment"),
+]
+_STATUS: list[_Step] = [
     # Status.
     ("Greater", "deepest largest_depth", "too_deep"),
     ("Less", "plain_centre low", "too_low"),
@@ -222,7 +289,8 @@ def onnx_of_contact(model: ContactModel, metadata: Mapping[str, str]) -> bytes:
 
     # The whole graph.
     nodes = [node(*step) for step in [*_FORCES, *corrections, means, *_CONTACT]]
-    nodes += [loop, *(node(*step) for step in _READINGS)]
+    slopes = [(kind, *(words.format(axis=axis) for words in names)) for axis in (1, 2) for kind, *names in _SLOPES]
+    nodes += [loop, *(node(*step) for step in [*_READINGS, *slopes, *_WRENCH, *_STATUS])]
     outputs = [
         *(values(name, ["pads", count]) for name, count in (("power", len(model.rest)), ("force", 3), ("moment", 3))),
         values("centre", ["pads", 2]),
@@ -231,7 +299,7 @@ def onnx_of_contact(model: ContactModel, metadata: Mapping[str, str]) -> bytes:
         values("status", ["pads"], TensorProto.INT64),
     ]
     constants = [
-        numpy_helper.from_array(np.asarray(value), name) for name, value in _constants(model, iteration, axes).items()
+        numpy_helper.from_array(np.asarray(value), name) for name, value in _constants(model, iteration).items()
     ]
     graph = helper.make_graph(nodes, "contact", [values("depth", ["pads", rows, columns])], outputs, constants)
     whole = helper.make_model(
@@ -243,12 +311,13 @@ def onnx_of_contact(model: ContactModel, metadata: Mapping[str, str]) -> bytes:
     return whole.SerializeToString()
 
 
-def _constants(model: ContactModel, iteration: Iteration, axes: list[int]) -> dict[str, Any]:
+def _constants(model: ContactModel, iteration: Iteration) -> dict[str, Any]:
     """Constants of the graph by name."""
     rows, columns = model.covered.shape
     area, patches, taxels = model.size[0] * model.size[1], len(model.compliance), len(model.rest)
-    second = np.zeros((taxels, 2)) if model.second is None else model.second.reading
-    force = np.zeros(2) if model.second is None else model.second.force
+    second = model.second or SecondOrder(np.zeros((taxels, 4)), np.zeros(4))
+    points = model.points[model.covered][:, :2]
+    squares = ((points - [model.x.mean(), model.y.mean()]) ** 2).sum(axis=1) / model.height**2
     onto_map = np.zeros((patches, rows * columns))
     onto_map[np.arange(patches), np.flatnonzero(model.covered)] = 1 / area
     bits = {
@@ -260,7 +329,6 @@ def _constants(model: ContactModel, iteration: Iteration, axes: list[int]) -> di
     }
     constants: dict[str, Any] = {
         "none": 0.0,
-        "unit": 1.0,
         "not_known": np.nan,
         "double": 2.0,
         "divisor": 24.0,
@@ -283,12 +351,27 @@ def _constants(model: ContactModel, iteration: Iteration, axes: list[int]) -> di
         "unsolved": UNSOLVED,
         "gradient": model.gradient.T.copy(),
         "rest": model.rest,
-        "points": model.points[model.covered][:, :2].copy(),
+        "points": points.copy(),
+        "squares": squares[:, None].copy(),
+        "place_x": points[:, :1].copy(),
+        "place_y": points[:, 1:].copy(),
+        "half": 0.5,
+        "three": [3],
+        "tiny": np.finfo(float).tiny,
         "patch_area": area,
         "height": model.height,
-        "by_change": second[:, 0].copy(),
-        "by_depth": second[:, 1].copy(),
-        "force_terms": force[:, None].copy(),
+        "softness": model.compliance.mean() / model.height,
+        "reading_unit": 1 + second.reading[:, 0],
+        "by_change": second.reading[:, 1].copy(),
+        "by_depth": second.reading[:, 2].copy(),
+        "by_force": second.reading[:, 3].copy(),
+        "force_unit": 1 + second.force[0],
+        "force_terms": second.force[1:, None].copy(),
+        "side_ratio": -second.side,
+        "along_x": [[1.0, 0.0, 0.0]],
+        "minus_along_x": [[-1.0, 0.0, 0.0]],
+        "along_y": [[0.0, 1.0, 0.0]],
+        "along_z": [[0.0, 0.0, 1.0]],
         "down": np.array([[0.0, 0.0, -1.0]]),
         "crossed": np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
         "onto_map": onto_map,
@@ -299,7 +382,7 @@ def _constants(model: ContactModel, iteration: Iteration, axes: list[int]) -> di
         "high": model.places[1].copy(),
     }
     constants |= {f"bit_{name}": bit for name, bit in bits.items()}
-    for axis in axes:
+    for axis, step in ((1, -model.size[1]), (2, model.size[0])):
         length, margin = model.covered.shape[axis - 1], np.zeros(6, dtype=np.int64)
         margin[[axis, 3 + axis]] = 1
         constants |= {
@@ -309,5 +392,8 @@ def _constants(model: ContactModel, iteration: Iteration, axes: list[int]) -> di
             f"but_one_{axis}": [length - 1],
             f"end_{axis}": [length],
             f"margin_{axis}": margin,
+            f"wide_margin_{axis}": 2 * margin,
+            f"step_{axis}": step,
+            **{f"past_{name}_{axis}": [length + number] for number, name in enumerate(("one", "two", "three"), 1)},
         }
     return constants

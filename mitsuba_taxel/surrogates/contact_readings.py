@@ -34,7 +34,8 @@ class ContactReadings(NamedTuple):
     power : (B, T) ndarray
         Readings in W.
     force : (B, 3) ndarray
-        Force of the bodies on the pad in N; compression is z < 0.
+        Force of the bodies on the pad in N; compression is z < 0. Its tangential part is that of their slope alone,
+        without friction.
     moment : (B, 3) ndarray
         Moment of this force in N mm, about the centre of the pad's bottom.
     centre : (B, 2) ndarray
@@ -65,21 +66,23 @@ class ContactReadings(NamedTuple):
 
 
 class SecondOrder(NamedTuple):
-    """Coefficients of the second-order terms of a contact model, for T readings and for the force; `second_order` has
-    the formulas.
+    """Factors by which forces and changes of readings differ from those of the linear model; see `second_order`.
 
     Attributes
     ----------
-    reading : (T, 2) ndarray
-        Coefficients of two factors of the linear change of each reading: the relative change of the reading, and the
-        largest depth divided by the height of the pad.
-    force : (2,) ndarray
-        Coefficients of two factors of the linear force: the largest depth, and the square root of the contact area,
-        both divided by the height of the pad.
+    reading : (T, 4) ndarray
+        Coefficients of 1, the relative change of the reading, the greatest depth over the height of the pad, and the
+        force times the mean compliance over this height.
+    force : (4,) ndarray
+        Coefficients of 1, the greatest depth and the square root of the area of contact over the height of the pad, and
+        the mean square distance of the forces from the middle of the top over the square of this height.
+    side : float
+        Ratio of the tangential force to that of the slope of the bodies.
     """
 
     reading: np.ndarray
     force: np.ndarray
+    side: float = 1.0
 
 
 class LearntErrors(NamedTuple):
@@ -142,7 +145,7 @@ class ContactModel(Displayed):
     errors : NamedTuple or None
         Errors on bodies that were left out, `LearntErrors`; None for a linear model, whose error is not known.
     lateral : (2, M, M) ndarray or None
-        Mean displacement of each patch along x and y in mm, per N on each; None in files of an earlier version.
+        Mean displacement of each patch along x and y in mm, per N on each; None if it is not known.
     """
 
     x: np.ndarray
@@ -194,7 +197,7 @@ class ContactModel(Displayed):
         forces[~finite] = np.nan
         solved = np.isfinite(forces).all(axis=1)
 
-        readings = self._readings(forces, deepest)
+        readings = self._readings(forces, deepest, depth)
         few = np.count_nonzero(forces > 0, axis=1)
         few = (few > 0) & (few < FEW_PATCHES) & (deepest > LIGHT * self.largest_depth)
         flags = {NOT_A_NUMBER: ~finite, NOT_RESOLVED: few, NOT_SOLVED: finite & ~solved}
@@ -227,10 +230,10 @@ class ContactModel(Displayed):
         deepest = (forces @ self.compliance).max(axis=1)
         if self.second is not None:
             # Forces of the linear model, of which these are a multiple, which is the root of a quadratic equation.
-            patches = np.count_nonzero(forces > 0, axis=1)
-            deep, wide = self.second.force / self.height * np.array([1.0, np.sqrt(self.size[0] * self.size[1])])
-            half = 0.5 * (1 + wide * np.sqrt(patches))
-            square = half**2 + deep * np.maximum(deepest, 0.0)
+            features = self.force_features(forces, deepest)
+            by_depth = self.second.force[1] * features[:, 1]
+            half = 0.5 * (1 + features @ self.second.force - by_depth)
+            square = half**2 + by_depth
             ratio = half + np.sqrt(np.where(square >= 0, square, np.nan))
             forces, deepest = forces / ratio[:, None], deepest / ratio
         readings = self._readings(forces, deepest)
@@ -254,7 +257,7 @@ class ContactModel(Displayed):
         Raises
         ------
         InputError
-            if the map has another grid, or the model is from a file without lateral displacements.
+            if the map has another grid, or the model has no lateral displacements.
         """
         if self.lateral is None:
             raise InputError("this model has no lateral displacements: export it again.")
@@ -265,29 +268,81 @@ class ContactModel(Displayed):
         moved[:, self.covered] = np.stack([*(forces @ self.lateral.transpose(0, 2, 1)), -forces @ self.compliance], -1)
         return moved
 
-    def _readings(self, forces: np.ndarray, deepest: np.ndarray) -> ContactReadings:
-        """Results for forces (B, M) of the linear model in N and greatest depths (B,) in mm, with the flags of both."""
-        # Their sum, and their moments about the x and y axes.
-        change = forces @ self.gradient.T
-        points, area = self.points[self.covered][:, :2], self.size[0] * self.size[1]
-        total, about, patches = forces.sum(axis=1), forces @ points, np.count_nonzero(forces > 0, axis=1)
-        centre = about / np.where(total > 0, total, np.nan)[:, None]
+    def force_features(self, forces: np.ndarray, deepest: np.ndarray) -> np.ndarray:
+        """Features of contact, by which forces at large strains differ from those of the linear model.
+
+        Parameters
+        ----------
+        forces : (B, M) ndarray
+            Forces of the linear model in N, or any multiple.
+        deepest : (B,) ndarray
+            Greatest depths in mm.
+
+        Returns
+        -------
+        (B, 4) ndarray
+            Features, in the order of `SecondOrder.force`.
+        """
+        points = self.points[self.covered][:, :2] - [self.x.mean(), self.y.mean()]
+        total = forces.sum(axis=1)
+        squares = forces @ (points**2).sum(axis=1)
+        apart = np.divide(squares, total, out=np.zeros_like(total), where=total != 0) / self.height**2
+        wide = np.sqrt(self.size[0] * self.size[1] * np.count_nonzero(forces > 0, axis=1)) / self.height
+        return np.stack([np.ones_like(total), np.maximum(deepest, 0.0) / self.height, wide, apart], axis=1)
+
+    def reading_features(self, change: np.ndarray, total: np.ndarray, deepest: np.ndarray) -> np.ndarray:
+        """Features by which changes of readings differ from the linear ones along the same forces.
+
+        Parameters
+        ----------
+        change : (B, T) ndarray
+            Linear changes in W.
+        total : (B,) ndarray
+            Normal forces in N.
+        deepest : (B,) ndarray
+            Greatest depths in mm.
+
+        Returns
+        -------
+        (B, T, 4) ndarray
+            Features, in the order of `SecondOrder.reading`.
+        """
+        deep, strain = np.maximum(deepest, 0.0) / self.height, total * self.compliance.mean() / self.height
+        columns = [np.ones(change.shape), change / self.rest, deep[:, None], strain[:, None]]
+        return np.stack(np.broadcast_arrays(*columns), axis=2)
+
+    def _readings(self, forces: np.ndarray, deepest: np.ndarray, depth: np.ndarray | None = None) -> ContactReadings:
+        """Results for forces (B, M) of the linear model in N and greatest depths (B,) in mm, with the flags of both;
+        maps (B, rows, columns) of depth, if they are known, give the directions of the forces."""
+        patches, area = np.count_nonzero(forces > 0, axis=1), self.size[0] * self.size[1]
         if self.second is not None:
             # Second-order terms; all forces of a touch change in proportion.
-            deep = np.maximum(deepest, 0.0) / self.height
-            wide = np.sqrt(area * patches) / self.height
-            terms = self.second.reading
-            change = change * (1 + change / self.rest * terms[:, 0] + deep[:, None] * terms[:, 1])
-            ratio = 1 + np.stack([deep, wide], axis=1) @ self.second.force
-            forces, total, about = forces * ratio[:, None], total * ratio, about * ratio[:, None]
+            forces = forces * (1 + self.force_features(forces, deepest) @ self.second.force)[:, None]
+
+        # Their sum, and their moments about the x and y axes.
+        points = self.points[self.covered][:, :2]
+        total, about = forces.sum(axis=1), forces @ points
+        centre = about / np.where(total > 0, total, np.nan)[:, None]
+        change = forces @ self.gradient.T
+        if self.second is not None:
+            features = self.reading_features(change, total, deepest)
+            change = change * (1 + (features * self.second.reading).sum(axis=2))
         zero = 0 * total  # NaN where that is
         pressure = np.zeros((len(forces), *self.covered.shape)) + zero[:, None, None]
         pressure[:, self.covered] = forces / area
+        # Without friction, a body presses along its normal, at the height of its surface.
+        sideways, lever, turn = np.stack([zero, zero]), np.stack([zero, zero]), zero
+        if depth is not None:
+            side = 1.0 if self.second is None else self.second.side
+            tangential = -side * forces * self._slopes(depth)[..., self.covered]
+            heights = self.height - np.maximum(depth[:, self.covered], 0.0)
+            sideways, lever = tangential.sum(axis=2), (tangential * heights).sum(axis=2)
+            turn = tangential[1] @ points[:, 0] - tangential[0] @ points[:, 1]
         far = (centre < self.places[0]) | (centre > self.places[1])
         return ContactReadings(
             power=self.rest + change,
-            force=np.stack([zero, zero, -total], axis=1),
-            moment=np.stack([-about[:, 1], about[:, 0], zero], axis=1),
+            force=np.stack([*sideways, -total], axis=1),
+            moment=np.stack([-about[:, 1] - lever[1], about[:, 0] + lever[0], turn], axis=1),
             centre=centre,
             area=area * patches + zero,
             pressure=pressure,
@@ -321,6 +376,22 @@ class ContactModel(Displayed):
             below = (before > 0) & (own > 0) & (after > 0)
             into[..., 1:-1] += np.where(below, (before - 2 * own + after) / 24, 0.0)
         return means
+
+    def _slopes(self, depth: np.ndarray) -> np.ndarray:
+        """Slopes (2, B, rows, columns) of maps of depth along x and y, from patches below the body: means of those to
+        both neighbours, and at an edge that to one, extrapolated from the next."""
+        slopes = []
+        for axis, step in ((2, self.size[0]), (1, -self.size[1])):
+            maps, width = np.moveaxis(depth, axis, -1), [(0, 0), (0, 0), (2, 2)]
+            both = (maps[..., 1:] > 0) & (maps[..., :-1] > 0)
+            rise, known = np.pad(np.where(both, np.diff(maps, axis=-1) / step, 0.0), width), np.pad(both, width)
+            before, after = rise[..., 1:-2], rise[..., 2:-1]
+            first = np.where(known[..., 3:], 1.5 * after - 0.5 * rise[..., 3:], after)
+            last = np.where(known[..., :-3], 1.5 * before - 0.5 * rise[..., :-3], before)
+            is_first, is_last = ~known[..., 1:-2], ~known[..., 2:-1]
+            slope = np.where(is_first, np.where(is_last, 0.0, first), np.where(is_last, last, 0.5 * (before + after)))
+            slopes.append(np.moveaxis(slope, -1, axis))
+        return np.stack(slopes)
 
 
 def _bits(flags: dict[int, np.ndarray]) -> np.ndarray:

@@ -1,10 +1,13 @@
 """Second-order terms of a contact model, fitted to full solutions, with the error of the model on bodies that were left
 out.
 
-Let l be the change of a reading by the linear model, relative to the reading at rest, F the force by the linear model,
-d the largest depth, and r the square root of the contact area, both relative to the height of the pad. With
-second-order terms, the change is l + a l^2 + b l d and the force is F (1 + c d + e r). Cross-validation chooses which
-of these terms are used, and whether all taxels share a and b.
+A force F becomes F' = F (1 + c0 + c1 d + c2 r + c3 s), and relative to the reading at rest, its linear change l' along
+these forces becomes l' (1 + b0 + b1 l' + b2 d + b3 e): d is the greatest depth and r the square root of the contact
+area, both relative to the height of the pad; s is the mean square distance of the forces from the middle of the top,
+relative to the square of the height; and e is F' times the mean compliance, relative to the height. The change of a
+reading is quadratic in the forces, which b1 and b3 describe. Constants stand for the difference between the elements of
+the full solutions and those of the linear model. Cross-validation chooses which of these terms are used, and whether
+all taxels share b.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -25,18 +29,22 @@ FEWEST = 4
 
 
 class _Rows(NamedTuple):
-    """Data for the fit from S states of bodies: the number of the body (S,), results of the linear model, their
-    features, and the full solutions."""
+    """S states: number of the body (S,), results of the linear model and its forces (S, M), greatest depths (S,) in mm,
+    features of the force (S, 4); and the full solutions, changes of readings in W, forces in N and moments in N mm."""
 
     body: np.ndarray
-    change: np.ndarray
-    features: np.ndarray
-    force: np.ndarray
+    linear: ContactReadings
+    forces: np.ndarray
+    deepest: np.ndarray
     force_features: np.ndarray
     full_change: np.ndarray
     full_force: np.ndarray
     full_moment: np.ndarray
-    linear: ContactReadings
+
+    @property
+    def force(self) -> np.ndarray:
+        """Normal forces (S,) of the linear model in N."""
+        return self.forces.sum(axis=1)
 
 
 def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> ContactModel:
@@ -61,7 +69,8 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
     """
     if len(solved) < FEWEST:
         raise InputError(f"{len(solved)} bodies are too few to learn from: at least {FEWEST} are needed.")
-    rows = _rows(replace(model, second=None), solved)
+    model = replace(model, second=None)
+    rows = _rows(model, solved)
     if not rows.force.any():
         raise InputError(
             "no body reaches the centre of a patch of the top: a smaller spacing of the patches is needed."
@@ -69,27 +78,28 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
     scale = np.abs(rows.full_change).max(axis=0)
     full_scale = float(np.abs(rows.full_force[:, 2]).max())
 
-    # Terms of the readings: those with which bodies that were left out are predicted best.
-    uses = [(first, second) for first in (False, True) for second in (False, True)]
+    # Terms of the force: those with which bodies that were left out are predicted best.
+    ratios = {used: _left_out(rows, partial(_ratios, rows, used)) for used in _subsets(4)}
+    missing = {used: ratio * rows.force + rows.full_force[:, 2] for used, ratio in ratios.items()}
+    best_force = min(missing, key=lambda used: float(np.square(missing[used]).mean()))
+    ratio = ratios[best_force]
+    forces, moments = _wrenches(rows, ratio, _left_out(rows, partial(_sides, rows, ratio)))
+    force_misses = np.linalg.norm(forces - rows.full_force, axis=1) / full_scale
+    moment_misses = np.linalg.norm((moments - rows.full_moment)[:, :2], axis=1)
+
+    # Terms of the readings, along forces that are learnt from the same bodies.
     predicted = {
-        (used, shared): _left_out(rows, partial(_reading_terms, rows, used=used, shared=shared))
-        for used in uses
+        (used, shared): _left_out(rows, partial(_changes, model, rows, best_force, used, shared))
+        for used in _subsets(4)
         for shared in (True, False)
     }
     best = min(predicted, key=lambda key: _rms((predicted[key] - rows.full_change) / scale))
     misses = (predicted[best] - rows.full_change) / scale
 
-    # Terms of the force.
-    forces = {used: _left_out_forces(rows, used) for used in uses}
-    best_force = min(forces, key=lambda used: float(np.square(forces[used] - -rows.full_force[:, 2]).mean()))
-    vectors = np.stack([0 * rows.force, 0 * rows.force, -forces[best_force]], axis=1)
-    force_misses = np.linalg.norm(vectors - rows.full_force, axis=1) / full_scale
-    # A touch between the centres of patches has neither force nor moment in the linear model.
-    ratio = np.divide(forces[best_force], rows.force, out=np.zeros_like(rows.force), where=rows.force > 0)[:, None]
-    moment_misses = np.linalg.norm((rows.linear.moment * ratio - rows.full_moment)[:, :2], axis=1)
-
     everything = np.ones(len(rows.body), dtype=bool)
-    second = SecondOrder(_reading_terms(rows, everything, *best), _force_terms(rows, everything, best_force))
+    by_force = _force_terms(rows, best_force, everything)
+    side = float(_sides(rows, 1 + rows.force_features @ by_force, everything)[0])
+    second = SecondOrder(_reading_terms(model, rows, by_force, *best, everything), by_force, side)
     errors = LearntErrors(
         bodies=len(solved),
         states=len(rows.body),
@@ -109,58 +119,99 @@ def _rows(model: ContactModel, solved: Sequence[SolvedTouch]) -> _Rows:
     maps = np.array([one.touch.below(model.points, depth) for one in solved for depth in one.touch.depths])
     linear = model(maps)
     body = np.repeat(np.arange(len(solved)), [len(one.touch.depths) for one in solved])
-    change = linear.power - model.rest
-    relative, deepest = change / model.rest, maps.max(axis=(1, 2)) / model.height
-    features = np.stack([relative * change, deepest[:, None] * change], axis=2)
-    force = -linear.force[:, 2]
-    force_features = force[:, None] * np.stack([deepest, np.sqrt(linear.area) / model.height], axis=1)
+    forces, deepest = linear.pressure[:, model.covered] * np.prod(model.size), maps.max(axis=(1, 2))
     full = (np.array([row for one in solved for row in getattr(one, name)]) for name in ("power", "force", "moment"))
     power, full_force, full_moment = full
-    return _Rows(
-        body, change, features, force, force_features, power - model.rest, full_force, full_moment, linear
+    features = model.force_features(forces, deepest)
+    return _Rows(body, linear, forces, deepest, features, power - model.rest, full_force, full_moment)
+
+
+def _subsets(count: int) -> list[tuple[bool, ...]]:
+    """All choices of ``count`` terms, the smallest first."""
+    return sorted(product((False, True), repeat=count), key=sum)
+
+
+def _force_terms(rows: _Rows, used: tuple[bool, ...], kept: np.ndarray) -> np.ndarray:
+    """Coefficients (4,) of the terms of the force, from the rows ``kept`` (S,)."""
+    coefficients, terms = np.zeros(4), np.flatnonzero(used)
+    if len(terms):
+        matrix = rows.force[kept, None] * rows.force_features[kept][:, terms]
+        missing = (-rows.full_force[:, 2] - rows.force)[kept]
+        coefficients[terms] = np.linalg.lstsq(matrix, missing, rcond=None)[0]
+    return coefficients
+
+
+def _ratios(rows: _Rows, used: tuple[bool, ...], kept: np.ndarray) -> np.ndarray:
+    """Ratios (S,) of all forces to those of the linear model, from the rows ``kept``."""
+    return 1 + rows.force_features @ _force_terms(rows, used, kept)
+
+
+def _sides(rows: _Rows, ratio: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Ratio (S,) of tangential forces to those of slopes, the same for all states, from the rows ``kept``."""
+    slopes = (ratio[:, None] * rows.linear.force[:, :2])[kept]
+    square = np.square(slopes).sum()
+    return np.full(len(ratio), (slopes * rows.full_force[kept, :2]).sum() / square if square > 0 else 1.0)
+
+
+def _wrenches(rows: _Rows, ratio: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Forces and moments (S, 3), with ratios (S,) of all forces, and of tangential ones, to the linear ones."""
+    normal = rows.linear.force * [0, 0, 1]
+    upright = np.cross(np.append(np.nan_to_num(rows.linear.centre), np.zeros((len(ratio), 1)), axis=1), normal)
+    force, moment = (
+        (part + side[:, None] * (whole - part)) * ratio[:, None]
+        for part, whole in ((normal, rows.linear.force), (upright, rows.linear.moment))
     )
+    return force, moment
 
 
-def _reading_terms(rows: _Rows, kept: np.ndarray, used: tuple[bool, bool], shared: bool) -> np.ndarray:
-    """Fit the coefficients (T, 2) of the second-order terms of the readings to the states selected by ``kept`` (S,)."""
-    taxels, terms = rows.change.shape[1], np.flatnonzero(used)
-    coefficients = np.zeros((taxels, 2))
+def _along_forces(model: ContactModel, rows: _Rows, by_force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Linear changes (S, T) in W along the forces with given terms, and the features (S, T, 4) of their factors."""
+    forces = rows.forces * (1 + rows.force_features @ by_force)[:, None]
+    change = forces @ model.gradient.T
+    return change, model.reading_features(change, forces.sum(axis=1), rows.deepest)
+
+
+def _reading_terms(
+    model: ContactModel, rows: _Rows, by_force: np.ndarray, used: tuple[bool, ...], shared: bool, kept: np.ndarray
+) -> np.ndarray:
+    """Coefficients (T, 4) of the terms of the readings, from the rows ``kept`` (S,)."""
+    change, features = _along_forces(model, rows, by_force)
+    taxels, terms = change.shape[1], np.flatnonzero(used)
+    coefficients = np.zeros((taxels, 4))
     if not len(terms):
         return coefficients
     scale = np.abs(rows.full_change).max(axis=0)
-    features = rows.features[kept][..., terms] / scale[:, None]
-    missing = (rows.full_change - rows.change)[kept] / scale
+    matrices = (change[..., None] * features)[kept][..., terms] / scale[:, None]
+    missing = (rows.full_change - change)[kept] / scale
     for group in [np.arange(taxels)] if shared else np.arange(taxels)[:, None]:
-        matrix, values = features[:, group].reshape(-1, len(terms)), missing[:, group].ravel()
+        matrix, values = matrices[:, group].reshape(-1, len(terms)), missing[:, group].ravel()
         coefficients[group[:, None], terms] = np.linalg.lstsq(matrix, values, rcond=None)[0]
     return coefficients
 
 
-def _force_terms(rows: _Rows, kept: np.ndarray, used: tuple[bool, bool]) -> np.ndarray:
-    """Fit the coefficients (2,) of the second-order terms of the force to the states selected by ``kept`` (S,)."""
-    coefficients, terms = np.zeros(2), np.flatnonzero(used)
-    if len(terms):
-        missing = (-rows.full_force[:, 2] - rows.force)[kept]
-        coefficients[terms] = np.linalg.lstsq(rows.force_features[kept][:, terms], missing, rcond=None)[0]
-    return coefficients
+def _changes(
+    model: ContactModel,
+    rows: _Rows,
+    used_force: tuple[bool, ...],
+    used: tuple[bool, ...],
+    shared: bool,
+    kept: np.ndarray,
+) -> np.ndarray:
+    """Changes (S, T) of all readings in W, with terms from the rows ``kept``."""
+    by_force = _force_terms(rows, used_force, kept)
+    change, features = _along_forces(model, rows, by_force)
+    return change * (1 + (features * _reading_terms(model, rows, by_force, used, shared, kept)).sum(axis=2))
 
 
-def _left_out(rows: _Rows, fit: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Changes (S, T) of the readings in cross-validation: those of each body are predicted by a fit to all other
-    bodies."""
-    predicted = np.empty_like(rows.change)
+def _left_out(rows: _Rows, predict: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Predictions (S, ...) for each body, from the others."""
+    predicted = None
     for number in np.unique(rows.body):
         out = rows.body == number
-        predicted[out] = rows.change[out] + (rows.features[out] * fit(~out)).sum(axis=2)
-    return predicted
-
-
-def _left_out_forces(rows: _Rows, used: tuple[bool, bool]) -> np.ndarray:
-    """Normal forces (S,) in cross-validation: those of each body are predicted by a fit to all other bodies."""
-    predicted = np.empty_like(rows.force)
-    for number in np.unique(rows.body):
-        out = rows.body == number
-        predicted[out] = rows.force[out] + rows.force_features[out] @ _force_terms(rows, ~out, used)
+        values = predict(~out)
+        predicted = np.empty_like(values) if predicted is None else predicted
+        predicted[out] = values[out]
+    assert predicted is not None
     return predicted
 
 

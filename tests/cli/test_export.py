@@ -30,7 +30,7 @@ def test_the_program_exports_a_study(taxel, tmp_path):
 def test_the_program_exports_the_contact_of_a_pad(taxel, tmp_path, monkeypatch):
     """Solutions are made up, with a second order and an error of 2 %; they are kept for the next call."""
     linear, calls = linear_model(), []
-    solved = {one.touch: one for one in made_up(linear, 40, (0.8, 0.0), (0.0, 0.0), noise=0.02)}
+    solved = {one.touch: one for one in made_up(linear, 40, (0.0, 0.8, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), noise=0.02)}
 
     def solve(touch):
         calls.append(touch)

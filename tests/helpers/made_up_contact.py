@@ -31,17 +31,22 @@ def linear_model(taxels=2):
 
 
 def made_up(model, count, reading, force, noise=0.0):
-    """Solutions of bodies with given second-order terms, computed from the definition."""
+    """Solutions of bodies with given terms (4,) of readings and force, computed from the definition."""
     rng, solved = np.random.default_rng(4), []
     for touch in touches(model, count):
         power, forces, moments = [], [], []
         for depth in touch.depths:
             maps = touch.below(model.points, depth)
             linear = model(maps)
-            change, deep = (linear.power - model.rest)[0], maps.max() / model.height
+            pressed = linear.pressure[0].ravel() * np.prod(model.size)
+            deep, total = maps.max() / model.height, pressed.sum()
+            apart = (pressed * (model.points.reshape(-1, 3)[:, :2] ** 2).sum(axis=1)).sum() / total / model.height**2
             wide = np.sqrt(linear.area[0]) / model.height
-            changed = change + reading[0] * change**2 / model.rest + reading[1] * deep * change
-            ratio = 1 + force[0] * deep + force[1] * wide
+            ratio = 1 + np.dot(force, [1, deep, wide, apart])
+            change = (linear.power - model.rest)[0] * ratio
+            strain = ratio * total * model.compliance.mean() / model.height
+            changed = change * (1 + np.dot(np.stack([1 + 0 * change, change / model.rest, deep + 0 * change,
+                                                     strain + 0 * change], axis=1), reading))  # fmt: skip
             power.append(model.rest + changed * (1 + noise * rng.normal(size=len(change))))
             forces.append(linear.force[0] * ratio)
             moments.append(linear.moment[0] * ratio)

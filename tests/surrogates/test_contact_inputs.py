@@ -77,11 +77,11 @@ def test_forces_keep_their_sum_and_their_moment():
     assert np.isnan(beside[1]).all() and beside[2].sum() == pytest.approx(1) and beside[0].sum() == pytest.approx(1)
 
 
-@pytest.mark.parametrize("force", [(0.0, 0.0), (1.1, -0.3), (-0.4, 0.2)])
+@pytest.mark.parametrize("force", [(0.0, 0.0, 0.0, 0.0), (0.05, 1.1, -0.3, 0.2), (-0.1, -0.4, 0.2, 0.0)])
 def test_readings_from_the_forces_of_a_touch_are_those_from_its_depth(force):
     """Also with second-order terms: plates have one depth at all patches, so that the depth follows from the forces."""
     linear = linear_model()
-    model = with_second_order(linear, made_up(linear, 10, (0.8, 0.4), force))
+    model = with_second_order(linear, made_up(linear, 10, (0.0, 0.8, 0.4, 0.3), force))
     x, y = model.points[..., 0], model.points[..., 1]
     maps = np.array([np.where(np.maximum(abs(x), abs(y)) < side, 0.2, -1.0) for side in (0.7, 1.1, 1.5)])
     given = model(maps)
@@ -109,8 +109,8 @@ def test_forces_that_the_model_does_not_hold_for_are_flagged():
     assert readings.status.tolist() == [0, NOT_A_NUMBER, TOO_DEEP, TOO_FAR, PULLS]
     assert np.isnan(readings.power[1]).all() and np.isfinite(readings.power[[0, 2, 3, 4]]).all()
     linear = linear_model()
-    second = with_second_order(linear, made_up(linear, 10, (0.8, 0.0), (0.0, 0.0))).second
-    falling = replace(model, second=second._replace(force=np.array([-5.0, 0.0])))
+    second = with_second_order(linear, made_up(linear, 10, (0.0, 0.8, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))).second
+    falling = replace(model, second=second._replace(force=np.array([0.0, -5.0, 0.0, 0.0])))
     assert falling.from_forces(maps[2]).status[0] == NOT_SOLVED and np.isnan(falling.from_forces(maps[2]).power).all()
 
 
@@ -161,3 +161,27 @@ def test_forces_that_do_not_fit_are_refused():
     cut = replace(model, covered=model.covered & (model.x < 2), compliance=np.eye(110), gradient=np.ones((2, 110)))
     with pytest.raises(InputError, match="force beside the top"):
         cut.from_forces(np.ones((11, 11)))
+
+
+@pytest.mark.parametrize("slope", [(0.05, 0.0), (0.0, -0.04), (0.03, 0.06)])
+def test_a_wedge_without_friction_presses_along_its_normal(slope):
+    model = linear_model()
+    points = model.points[..., :2]
+    depth = np.where((np.abs(points) < 1.3).all(axis=-1), 0.2 + points @ np.array(slope), -1.0)
+    readings = model(depth)
+    force = readings.force[0]
+    np.testing.assert_allclose(force[:2], force[2] * np.array(slope), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("place", [(1.9, 0.3), (-1.2, -2.1)])
+def test_the_force_of_a_ball_points_at_its_centre(place):
+    """Beside the rim, where the contact is cut off, its tangential part is not 0."""
+    model = linear_model()
+    body = Touch("sphere", 4.0, *place, 0.0, 0.3)
+    readings = model(body.below(model.points, 0.3))
+    centre = np.array([*place, model.height - 0.3 + 4.0])
+    force, moment = readings.force[0], readings.moment[0]
+    about_centre = moment - np.cross(centre, force)
+    assert np.linalg.norm(force[:2]) > 0.02 * abs(force[2])
+    without = np.cross(np.array([*readings.centre[0], model.height]) - centre, [0, 0, force[2]])
+    assert np.linalg.norm(about_centre) < 0.05 * np.linalg.norm(without)

@@ -17,8 +17,12 @@ from mitsuba_taxel.surrogates.second_order import with_second_order
 
 pytestmark = pytest.mark.quick
 
+SQUARE, NONE = (0.0, 0.8, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
 
-@pytest.mark.parametrize(("reading", "force"), [((0.8, 0.0), (0.0, 0.0)), ((-0.5, 1.4), (0.9, -0.3))])
+
+@pytest.mark.parametrize(
+    ("reading", "force"), [(SQUARE, NONE), ((0.1, -0.5, 1.4, 0.6), (0.05, 0.9, -0.3, 0.2))]
+)
 def test_known_terms_are_found_and_used(reading, force):
     linear = linear_model()
     model = with_second_order(linear, made_up(linear, 12, reading, force))
@@ -38,7 +42,7 @@ def test_known_terms_are_found_and_used(reading, force):
 def test_the_stated_error_is_that_of_bodies_left_out():
     """Errors of 3 % of the changes are no terms of second order: they remain, on bodies of the fit and on others."""
     linear = linear_model()
-    solved = made_up(linear, 60, (0.8, 0.0), (0.0, 0.0), noise=0.03)
+    solved = made_up(linear, 60, SQUARE, NONE, noise=0.03)
     model = with_second_order(linear, solved[:20])
     scale = np.abs(np.array([row for one in solved[:20] for row in one.power]) - linear.rest).max(axis=0)
     misses = np.array(
@@ -59,7 +63,7 @@ def test_the_stated_error_is_that_of_bodies_left_out():
 def test_a_touch_that_no_patch_sees_counts_as_an_error():
     """It is shallow, between the centres of patches: the linear model has neither force nor moment for it."""
     linear = linear_model()
-    solved = made_up(linear, 12, (0.8, 0.0), (0.0, 0.0))
+    solved = made_up(linear, 12, SQUARE, NONE)
     unseen = replace(solved[0], touch=replace(solved[0].touch, depth=1e-9), moment=[[3.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
     model = with_second_order(linear, [unseen, *solved[1:]])
     errors = model.errors
@@ -69,11 +73,11 @@ def test_a_touch_that_no_patch_sees_counts_as_an_error():
 
 def test_too_few_bodies_are_refused():
     linear = linear_model()
-    solved = made_up(linear, 4, (0.8, 0.0), (0.0, 0.0))
-    with pytest.raises(InputError, match="no body reaches the centre of a patch of the top: a smaller spacing"):
+    solved = made_up(linear, 4, SQUARE, NONE)
+    with pytest.raises(InputError, match="no patch of the top sees any of the bodies: a smaller spacing"):
         with_second_order(linear, [replace(one, touch=replace(one.touch, depth=-1e-3)) for one in solved])
     with pytest.raises(InputError, match="3 bodies are too few to learn from: at least 4"):
-        with_second_order(linear, made_up(linear, 3, (0.8, 0.0), (0.0, 0.0)))
+        with_second_order(linear, made_up(linear, 3, SQUARE, NONE))
 
 
 def test_bodies_cover_the_range_and_more_of_them_begin_with_the_same():
@@ -97,7 +101,7 @@ def test_depth_maps_of_bodies():
 
 def test_solved_states_are_kept_and_those_of_another_pad_refused(tmp_path):
     model, file, calls = linear_model(), tmp_path / "pad.states.json", []
-    expected = made_up(model, 3, (0.8, 0.0), (0.0, 0.0))
+    expected = made_up(model, 3, SQUARE, NONE)
 
     def solve(touch):
         calls.append(touch)
@@ -120,7 +124,8 @@ def test_solved_states_are_kept_and_those_of_another_pad_refused(tmp_path):
 @pytest.mark.parametrize("learnt", [False, True])
 def test_a_file_gives_the_same_model(tmp_path, learnt):
     linear = linear_model()
-    model = with_second_order(linear, made_up(linear, 8, (0.8, 0.3), (0.1, 0.0))) if learnt else linear
+    terms = (0.0, 0.8, 0.3, 0.1), (0.0, 0.1, 0.0, 0.1)
+    model = with_second_order(linear, made_up(linear, 8, *terms)) if learnt else linear
     model = replace(model, lateral=np.stack([linear.compliance, 2 * linear.compliance])) if learnt else model
     write_contact_model(model, tmp_path / "pad.npz", {"scene": "pad.xml"})
     copied = read_contact_model(tmp_path / "pad.npz")
@@ -148,6 +153,9 @@ def test_other_files_are_refused(tmp_path, monkeypatch):
     write_contact_model(linear_model(), tmp_path / "pad.npz")
     monkeypatch.undo()
     with pytest.raises(InputError, match=r"later version of the format \(3\)"):
+        read_contact_model(tmp_path / "pad.npz")
+    np.savez(tmp_path / "pad.npz", about='{"format": 1, "errors": null}', size=[1.0, 1.0])
+    with pytest.raises(InputError, match="earlier version of the format: export it again"):
         read_contact_model(tmp_path / "pad.npz")
     np.savez(tmp_path / "pad.npz", about='{"format": 2, "errors": null}', size=[1.0, 1.0])
     with pytest.raises(InputError, match="no complete model"):
