@@ -92,7 +92,7 @@ class PadMemory:
 
 
 def checked_step(
-    name: str, values: Any, shape: tuple[int, ...], duration: Any
+    name: str, values: Any, shape: tuple[int, ...], duration: object
 ) -> tuple[np.ndarray, np.ndarray]:
     """Check the values of a step.
 

@@ -55,13 +55,22 @@ LEAST_FORCES = 10
 
 class _TrainingRows(NamedTuple):
     """Readings of jobs, one row for each job: parameters, power and its standard error (rows, taxels) in W, units by
-    name, and the number of the curve (rows,) in the study."""
+    name, the number of the curve (rows,) in the study, and the parameter that varies along a curve."""
 
     parameters: pd.DataFrame
     power: np.ndarray
     standard_error: np.ndarray
     units: dict[str, str]
     path: np.ndarray
+    curve: str
+
+    @property
+    def load(self) -> list[str]:
+        """Parameters by which rows are split: components of the force; if none varies and the force of an indenter or a
+        plate is a result, what varies along a curve, such as its depth."""
+        forces = _force_columns(self.parameters)
+        varies = any(self.parameters[name].nunique() > 1 for name in forces)
+        return [self.curve] if not varies and WRENCH[0] in self.parameters else forces
 
 
 def training_set(
@@ -78,15 +87,16 @@ def training_set(
 ) -> dict[str, pd.DataFrame]:
     """Create tables of forces and readings for training a calibration model: a training, validation and test set.
 
-    All rows of one force, for any noisy copy and any value of the other parameters, belong to the same set. Forces are
-    sorted by a hash of seed and force, and this order is cut at the given fractions. The set of a force thus depends
-    neither on noise, copies and other parameters nor on failed jobs. If forces are added later, only forces next to a
-    cut can change their set.
+    All rows of one force, for any noisy copy and any value of the other parameters, belong to the same set. If forces
+    are results of a study by the depth of an indenter, all rows of one depth do. Forces are sorted by a hash of seed
+    and force, and this order is cut at the given fractions. The set of a force thus depends neither on noise, copies
+    and other parameters nor on failed jobs. If forces are added later, only forces next to a cut can change their set.
 
     Parameters
     ----------
     study : xr.Dataset or xr.DataTree
-        Readings over force components ``fx``, ``fy``, ``fz`` in N and any other parameters; or a tree of such datasets.
+        Readings over force components ``fx``, ``fy``, ``fz`` in N, or over the depth of an indenter, and any other
+        parameters; or a tree of such datasets.
     output : str or Path, optional
         Folder for ``train.csv``, ``validation.csv``, ``test.csv`` and a datasheet, ``README.md``; must be new or empty.
     noise : float or str
@@ -136,7 +146,7 @@ def training_set(
 
     # The readings of all scenes, and the part of the training set to which each row belongs.
     rows = _rows(studies)
-    subset = _part_of(rows.parameters[_force_columns(rows.parameters)], split, seed)
+    subset = _part_of(rows.parameters[rows.load], split, seed)
     done = np.isfinite(rows.power).all(axis=1)
 
     random = np.random.default_rng(seed)
@@ -158,7 +168,8 @@ def training_set(
     if folder is not None:
         left_out = rows.parameters[~done]
         words = f"{100 * sigma:g}% of each reading" if relative else f"{sigma:g} W"
-        making = TrainingRecord(words if sigma > 0 else "", circuit is not None, copies, seed)
+        load = [_heading(name, rows.units) for name in rows.load]
+        making = TrainingRecord(words if sigma > 0 else "", circuit is not None, copies, seed, load)
         sheet = datasheet(studies, tables, making, left_out)
         _write(folder, tables, sheet, parquet)
         # Files with all parts, with the numbers of curve and copy for each row.
@@ -280,6 +291,7 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
         np.concatenate([rows.standard_error for rows in per_scene]),
         {name: unit for rows in per_scene for name, unit in rows.units.items()},
         np.concatenate([rows.path + start for rows, start in zip(per_scene, _starts(per_scene), strict=True)]),
+        first.curve,
     )
 
 
@@ -314,6 +326,7 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
         study.standard_error.transpose(*power.dims).values.reshape(-1, count),
         units,
         path,
+        str(curve),
     )
 
 
@@ -329,10 +342,12 @@ def _force_columns(parameters: pd.DataFrame) -> list[str]:
     return [name for name in FORCES if name in parameters]
 
 
-def _part_of(forces: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndarray:
-    """Part of the training set of each row, as an index (rows,) into `PARTS`, by its force; see `part_by_words`."""
-    words = [" ".join(f"{component + 0.0:.9g}" for component in force) for force in forces.to_numpy(dtype=float)]
-    return part_by_words(words, split, seed, "forces")
+def _part_of(loads: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndarray:
+    """Index into `PARTS` for each row of loads, (rows,); see `part_by_words`."""
+    numeric = all(kind.kind in "fiu" for kind in loads.dtypes)
+    words = [" ".join(f"{x + 0.0:.9g}" if numeric else str(x) for x in load) for load in loads.to_numpy()]
+    by_force = not len(loads.columns) or loads.columns[0] in FORCES
+    return part_by_words(words, split, seed, "forces" if by_force else f"values of {loads.columns[0]}")
 
 
 def part_by_words(words: Sequence[str], split: Sequence[float], seed: int, name: str) -> np.ndarray:

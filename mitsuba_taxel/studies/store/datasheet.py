@@ -17,6 +17,8 @@ from mitsuba_taxel.electronics.volts import circuit_of_study
 MOST_NAMED = 20
 """Largest number of omitted jobs that are listed by their values."""
 
+FORCE_COLUMNS = ("fx_N", "fy_N", "fz_N")
+
 
 class TrainingRecord(NamedTuple):
     """Settings with which a training set was made.
@@ -31,12 +33,15 @@ class TrainingRecord(NamedTuple):
         Noisy copies of each job.
     seed : int
         Seed of split and noise.
+    load : list[str]
+        Headings of the columns by which rows are split.
     """
 
     noise: str
     in_volts: bool
     copies: int
     seed: int
+    load: list[str]
 
 
 def datasheet(
@@ -130,7 +135,7 @@ def _columns(rows: pd.DataFrame) -> str:
 def _meaning(column: str) -> tuple[str, str]:
     """Unit and meaning of a column."""
     stem, _, unit = column.rpartition("_")
-    if column in ("fx_N", "fy_N", "fz_N"):
+    if column in FORCE_COLUMNS:
         return "N", f"{column[1]} component of the force on the pad; compression is fz < 0"
     if stem.startswith(("reaction_f", "reaction_m")):
         kind = "force" if stem[9] == "f" else "moment"
@@ -175,14 +180,15 @@ def _parts(tables: Mapping[str, pd.DataFrame], making: TrainingRecord) -> str:
     """Section of the datasheet: the split of the rows into parts, and their numbers."""
     counts = []
     for name, table in tables.items():
-        forces = [column for column in ("fx_N", "fy_N", "fz_N") if column in table]
-        counts.append((name, str(len(table[forces].drop_duplicates())), str(len(table))))
+        counts.append((name, str(len(table[making.load].drop_duplicates())), str(len(table))))
+    loads = "forces" if making.load[0] in FORCE_COLUMNS else f"values of {making.load[0]}"
+    load = loads.replace("forces", "force").replace("values", "value")
     return (
-        f"{markdown_table(('part', 'forces', 'rows'), counts)}\n\n"
-        "All rows of one force, whatever their noise and other parameters, are in the same part. Forces are ranked by "
-        f"a hash of force and seed ({making.seed}), and the ranking is cut at the requested shares. The part of a "
-        "force depends neither on noise, copies and other parameters nor on failed jobs. When forces are added to the "
-        "study, only those next to a cut can change part."
+        f"{markdown_table(('part', loads, 'rows'), counts)}\n\n"
+        f"All rows of one {load}, whatever their noise and other parameters, are in the same part. They are ranked "
+        f"by a hash with the seed ({making.seed}), and the ranking is cut at the requested shares. The part of a "
+        f"{load} depends neither on noise, copies and other parameters nor on failed jobs. When {loads} are added to "
+        "the study, only those next to a cut can change part."
     )
 
 

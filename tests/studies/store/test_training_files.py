@@ -148,6 +148,26 @@ def test_the_wrench_and_the_centre_of_pressure_of_an_indenter_are_features(tmp_p
     assert "y component of the moment of the plate or the indenter on the pad" in sheet
 
 
+def test_a_study_by_depth_is_split_by_depth(tmp_path):
+    pressed = study()
+    pressed.attrs |= {
+        "parameters": json.dumps({"fx": "0", "push": "1", "spot": "0", "cell": "a"}),
+        "units": json.dumps({"spot": "mm", "push": "mm"}),
+        "roles": json.dumps({"spot": ["indenter_x", 1]}),
+        "forces": json.dumps({"fx": ["fx", 1]}),
+    }
+    with pytest.raises(InputError, match="distinct forces in the study: 1"):
+        training_set(pressed)
+    for name in ("fx", "fy", "fz"):
+        pressed[f"reaction_{name}"] = (("push", "spot", "cell"), np.ones((30, 3, 2)), {"units": "N"})
+    tables = training_set(pressed, tmp_path / "set")
+    depths = [set(table.push_mm) for table in tables.values()]
+    assert set.union(*depths) == set(-FORCE) and sum(map(len, depths)) == len(FORCE)
+    assert [len(table) for table in tables.values()] == [6 * len(depth) for depth in depths]  # all places and cells
+    sheet = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "All rows of one value of push_mm" in sheet and "All rows of one force" not in sheet
+
+
 def test_lerobot_reads_it(tmp_path, monkeypatch):
     pytest.importorskip("lerobot")
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
