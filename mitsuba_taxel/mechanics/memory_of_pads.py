@@ -10,6 +10,7 @@ import numpy as np
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.mirror import MIRRORS
+from mitsuba_taxel.geometry.unique_rows import unique_rows
 from mitsuba_taxel.mechanics.elements.loads import Load, PlateWrench, mirrored_value
 from mitsuba_taxel.mechanics.elements.memory import free_memory
 from mitsuba_taxel.mechanics.meshes import is_meshed, pad_mesh
@@ -61,12 +62,15 @@ def refuse_too_large(
     ComputationError
         if it does not fit; the message states a number of cells and an element size that would fit.
     """
-    loaded = [(0.0, 0.0, -1.0)] if values is None else [value for value in values if np.any(value)]
-    if not isinstance(pad, Pad) or not loaded or is_meshed(pad, mesh_size):
+    rows = np.array([(0.0, 0.0, -1.0)] if values is None else [*values], dtype=float)
+    loaded = rows[rows.any(axis=1)]
+    if not isinstance(pad, Pad) or not len(loaded) or is_meshed(pad, mesh_size):
         return
     check_room(pad, mesh_size)
     cells, free = pad.rows * pad.columns, free_memory()
-    parts = min(symmetric_parts(pad, load, value) for value in loaded)
+    # Symmetry depends on the directions of the loads only, of which a long path has few.
+    directions = np.round(loaded / np.abs(loaded).max(axis=1, keepdims=True), 12)
+    parts = min(symmetric_parts(pad, load, value) for value in directions[unique_rows(directions)[0]])
     guess = UNKNOWNS * max(1.0, pad.default_mesh_size / mesh_size) ** 3
     if BYTES * guess * cells / parts < SURELY * free:
         return

@@ -235,8 +235,8 @@ ZERO = int(np.abs(CORRELATIONS).argmin())
 
 
 def _chunks(rows: np.ndarray) -> list[np.ndarray]:
-    """Divide consecutive rows into chunks of at most CHUNK rows, as equal in size as possible."""
-    return np.array_split(rows, -(-len(rows) // CHUNK))
+    """Consecutive rows in chunks of at most CHUNK rows, as equal as possible."""
+    return [rows] if 0 < len(rows) <= CHUNK else np.array_split(rows, -(-len(rows) // CHUNK))
 
 
 def _without_line(rows: np.ndarray) -> np.ndarray:
