@@ -74,9 +74,28 @@ def characteristics(experiments: Iterable[Experiment], off: Changed | None = Non
 
 
 def _figures(experiments: Iterable[Experiment]) -> list[dict[str, Any]]:
-    """Table rows of all slopes and deviations of experiments. The column ``derived`` marks errors that come from errors
-    of derivatives."""
-    return [row for experiment in experiments for row in (*_slopes(experiment), *_deviations(experiment))]
+    """Rows of all slopes and deviations; ``derived`` marks errors that come from derivatives."""
+    return [row for experiment in experiments for row in rows_of(experiment, (*SLOPES, *DEVIATIONS))]
+
+
+def rows_of(experiment: Experiment, names: Iterable[str]) -> list[dict[str, Any]]:
+    """Rows of the table of :func:`characteristics` of one experiment, with errors due to the light alone.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        The experiment.
+    names : iterable of str
+        Figures that are needed; others may be among the rows.
+
+    Returns
+    -------
+    list[dict]
+        Rows, with the mark ``derived`` of errors that come from derivatives.
+    """
+    needed = set(names)
+    of_slopes = _slopes(experiment) if needed - set(DEVIATIONS) else ()
+    return [*of_slopes, *(_deviations(experiment) if needed & set(DEVIATIONS) else ())]
 
 
 def _column(rows: Sequence[Mapping[str, Any]], name: str) -> np.ndarray:

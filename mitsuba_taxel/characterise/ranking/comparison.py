@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES, characteristics
+from mitsuba_taxel.characterise.characteristics import DEVIATIONS, SLOPES, characteristics, rows_of
 from mitsuba_taxel.characterise.experiment import Experiment
 from mitsuba_taxel.characterise.load_lines import experiments
 from mitsuba_taxel.characterise.shape_error import VARIANTS, Mode, besides_shape, changed_by_shape, shape_shift
@@ -335,13 +335,10 @@ def _one_channel(variants: list[_Variant]) -> tuple[list[_Variant], str]:
 
 
 def _first_run_figures(readings: Sequence[Experiment], names: Sequence[str], column: str = "value") -> np.ndarray:
-    """Figures of merit (figures, readings) of the first run of growing force of each reading. With another ``column``,
-    their errors."""
-    table = characteristics([replace(reading, where={"number": number}) for number, reading in enumerate(readings)])
-    rows: list[dict[str, float]] = [{} for _ in readings]
-    for number, figure, loading, cell in zip(table.number, table.figure, table.loading, table[column], strict=True):
-        if loading == 1:
-            rows[number][figure] = cell
+    """Figures (figures, readings) of the first run of growing force of each reading, or the errors of these figures."""
+    rows = [
+        {row["figure"]: row[column] for row in rows_of(reading, names) if row["loading"] == 1} for reading in readings
+    ]
     for name in names:
         if any(name not in row or not np.isfinite(row[name]) for row in rows):
             raise InputError(f"{name} is unknown for some variants: {NEEDS.get(name, 'two forces')} are needed.")
