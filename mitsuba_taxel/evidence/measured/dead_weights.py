@@ -18,7 +18,7 @@ from mitsuba_taxel.mechanics.results.plate_motion import plate_motion
 from mitsuba_taxel.sensing import Scene, measure
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
-POINTS = 512
+POINTS = 256
 """Number of light paths for each taxel and randomisation."""
 
 
@@ -31,7 +31,8 @@ class WeightPlace(NamedTuple):
 
 
 PLACES = (WeightPlace(1.2, 0.0, 0.0), WeightPlace(2.4, 0.0, 0.0), WeightPlace(2.4, 3.5, 0.0))
-"""Computed weights: half of the largest and the largest in the middle, and the largest off the middle."""
+"""Computed weights: half of the largest and the largest in the middle, and the largest off the middle,
+whose errors by the elements are computed."""
 
 
 def weights(store: PaperStudies, height: float, modulus: float) -> xr.Dataset:
@@ -51,7 +52,8 @@ def weights(store: PaperStudies, height: float, modulus: float) -> xr.Dataset:
     xr.Dataset
         Over ``place``, the items of :data:`PLACES`: the weight ``force`` in N at ``x`` and ``y`` in mm, the
         displacement ``sinking`` of the plate at the weight in mm and its ``tilt`` in degrees, with errors; and over
-        ``taxel``, the ``change`` of the reading relative to rest, with its error.
+        ``taxel``, the ``change`` of the reading relative to rest, with its error. Errors are those of elements and
+        light; they are NaN but for the last place.
     """
     request = {"height": height, "modulus": modulus, "places": PLACES, "points": POINTS}
     request |= {"mesh_size": bench_pad.MESH_SIZE}
@@ -67,11 +69,11 @@ def _computed(store: PaperStudies, height: float, modulus: float) -> xr.Dataset:
     rows = []
     for place in PLACES:
         scene = Scene(file, defines | {"x": place.x, "y": place.y, "uz": -place.force})
-        readings = measure(scene, points=POINTS)
+        readings = measure(scene, points=POINTS, mechanics_error=place == PLACES[-1])
         motion = plate_motion(deformed_pads(scene.load())[0].state)
-        moved, turned = motion.errors()
+        moved, turned = motion.errors() if place == PLACES[-1] else np.full((2, 3), np.nan)
         changes = readings.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
-        mesh = np.full(changes.shape[1], np.nan) if readings.deviation is None else readings.deviation / at_rest.power
+        mesh = np.nan if readings.deviation is None else readings.deviation / at_rest.power
         error = np.hypot(standard_error(changes), mesh)
         tilt = np.linalg.norm(motion.rotation)
         rows.append((-motion.displacement[2], moved[2], tilt, np.linalg.norm(turned), changes.mean(axis=0), error))

@@ -17,15 +17,21 @@ def weights_section(study: xr.Dataset) -> str:
     """The section of the page, from the states of :func:`weights`."""
     slope, error = (1e3 * values for values in slopes(study))
     largest = int(np.argmax(np.hypot(study.x, study.y).values))
+
+
+    def shown(value: float, uncertainty: float, digits: int) -> str:
+        plus = f" ± {uncertainty:.{digits}f}" if np.isfinite(uncertainty) else ""
+        return f"{value:.{digits}f}{plus}"
+
     rows = [
         [
             f"{float(study.force[k]):g}",
             f"{float(np.hypot(study.x[k], study.y[k])):g}",
             # Errors of taxels by the elements have a common cause: their mean is that of the mean.
-            f"{slope[k].mean():.2f} ± {error[k].mean():.2f}",
+            shown(slope[k].mean(), error[k].mean(), 2),
             f"{slope[k].min():.2f} to {slope[k].max():.2f}",
-            f"{float(study.sinking[k]):.4f} ± {float(study.sinking_error[k]):.4f}",
-            f"{float(study.tilt[k]):.3f} ± {float(study.tilt_error[k]):.3f}" if k == largest else "0",
+            shown(float(study.sinking[k]), float(study.sinking_error[k]), 4),
+            shown(float(study.tilt[k]), float(study.tilt_error[k]), 3) if k == largest else "0",
         ]
         for k in range(study.sizes["place"])
     ]

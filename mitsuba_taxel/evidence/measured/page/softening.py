@@ -93,11 +93,9 @@ and relaxation, with the widths of the table above. The signs of the voltages by
 
 {markdown_table(["Mullins' effect", "r", "m / E", "beta", *_WIDTHS], rows)}
 
-{paragraph(_fitted_words(found))}
+{paragraph(_fitted_words(found, memory))}
 
-**Predicted** with these constants: the loops of taxels {" and ".join(map(str, taxels))}, each pressed to its largest
-force, taxel {softening.CORNER} with the four cells of the corner. Their measured widths are not among the published
-numbers that this program has, so they are not compared here; {PREDICTED:g} points are the limit of agreement:
+{paragraph(_announced(taxels))}
 
 {markdown_table(heads, predictions)}
 
@@ -109,16 +107,28 @@ numbers that this program has, so they are not compared here; {PREDICTED:g} poin
 """
 
 
-def _fitted_words(found: list[Explanation]) -> str:
+def _announced(taxels: list[int]) -> str:
+    numbers = " and ".join(map(str, taxels))
+    return (
+        f"**Predicted** with these constants: the loops of taxels {numbers}, each pressed to its largest force, taxel "
+        f"{softening.CORNER} with the four cells of the corner. Their measured widths are not among the published "
+        f"numbers that this program has, so they are not compared here; {PREDICTED:g} points are the limit of "
+        "agreement:"
+    )
+
+
+def _fitted_words(found: list[Explanation], memory: PronyFit) -> str:
     alike = [each for each in found if each.miss <= ALLOWED]
     worst = max(alike, key=lambda each: each.miss)
+    rest = memory.rubbed.change_at_force + memory.loop.change_at_force
     return (
         f"With all three constants fitted, Mullins' effect alone meets the four widths to {found[0].miss:.2f} points. "
         f"{len(alike)} of the {len(found)} rows meet them to {ALLOWED:g} points, the worst of these to "
         f"{worst.miss:.1f}: explanations that fit equally well. So the widths determine neither beta nor a share of "
-        "friction, play or relaxation. Without Mullins' effect, none of the others explains them, as shown above. This "
-        "is not a proof of Mullins' effect: three constants are fitted to four numbers; it is not known whether the "
-        "recorded cycle was the first one, and after a first cycle this law has no loop."
+        "friction, play or relaxation. Without Mullins' effect, friction, relaxation and play together make the loop "
+        f"of the voltage at equal force at most {rest:.1f} % wide. This is not a proof of Mullins' effect: three "
+        "constants are fitted to four numbers; it is not known whether the recorded cycle was the first one, and after "
+        "a first cycle this law has no loop."
     )
 
 
@@ -160,7 +170,7 @@ def _paper_words(alone: Explanation, study: xr.Dataset) -> str:
     return (
         f"**The paper's hysteresis** is {values} % for parallelepiped, spherical and hemispheric cells. For one "
         f"parallelepiped cell of the paper under the force per cell of its experiments, the constants of the first row "
-        f"give {width:.1f} %, if its silicone softens alike. Its readings are not those of a first cycle for all that "
-        "is known. For round cells the displacement of the roof does not stand for the reading, which falls and rises: "
+        f"give {width:.1f} %, if its silicone softens alike. It is not known whether its cycle was a first one. "
+        "For round cells the displacement of the roof does not stand for the reading, which falls and rises: "
         "they are not predicted."
     )
