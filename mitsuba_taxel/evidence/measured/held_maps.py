@@ -2,7 +2,7 @@
 
 The place of the indenter is not known. It is fitted to the measured map under the assumption that the change of a
 taxel is proportional to a function of its distance from the indenter, which is read off the map computed for an
-indenter above the middle of the held taxel. Then the map is computed for this place by finite elements.
+indenter above the middle of the held taxel.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from mitsuba_taxel.evidence.measured import bench_pad, measured
-from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress, PadAssumptions
+from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress
 from mitsuba_taxel.evidence.measured.pad_fit import FittedPad
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
 NEAR = 2.3
 """Largest distance from the held taxel, in pitches, of the taxels to which a place is fitted."""
 LEAST = 4.0
-"""Smallest computed change, in percent of that of the held taxel, from which ratios of changes are formed."""
-FREE_WALLS = PadAssumptions("free_walls", collar=0.0)
+"""Smallest computed change, in percent of that of the held taxel, for fits and for ratios of changes."""
+CHECKED = (17,)
+"""Taxels whose map is computed by finite elements for the fitted place, too."""
 
 
 class ComputedMap(NamedTuple):
@@ -38,7 +39,7 @@ class ComputedMap(NamedTuple):
 
 
 class HeldMapComparison(NamedTuple):
-    """Measured and computed maps while a taxel is held.
+    """Measured and computed maps (5, 5) while a taxel is held, in percent of the change of this taxel.
 
     Attributes
     ----------
@@ -46,31 +47,27 @@ class HeldMapComparison(NamedTuple):
         Number of the held taxel.
     place : (2,) ndarray
         Fitted position of the indenter relative to the middle of the taxel, mm.
-    centred, moved, free : ComputedMap
-        Computed for an indenter above the middle; for one at the fitted place; and there without collars that hold the
-        walls.
+    computed : ComputedMap
+        Force and changes for an indenter above the middle.
+    measured, centred, shifted : (5, 5) ndarray
+        The measured map; the one computed for an indenter above the middle; and this map shifted to the fitted place.
+    checked : (5, 5) ndarray or None
+        The map computed by finite elements for the fitted place; None if it is not computed.
     """
 
     taxel: int
     place: np.ndarray
-    centred: ComputedMap
-    moved: ComputedMap
-    free: ComputedMap
+    computed: ComputedMap
+    measured: np.ndarray
+    centred: np.ndarray
+    shifted: np.ndarray
+    checked: np.ndarray | None
 
     @property
-    def measured(self) -> np.ndarray:
-        """The measured map (5, 5), in percent of the change of the held taxel."""
-        return np.array(measured.HELD_PRESSES[self.taxel].changes, dtype=float)
-
-    def difference(self, computed: ComputedMap) -> np.ndarray:
-        """Computed minus measured map (5, 5), percentage points."""
-        return computed.relative_to(self.taxel) - self.measured
-
-    def ratio(self, computed: ComputedMap) -> np.ndarray:
+    def ratio(self) -> np.ndarray:
         """Measured divided by computed change (5, 5), each relative to rest; NaN where little is computed."""
-        share = measured.HELD_PRESSES[self.taxel].change
-        changes = computed.changes.reshape(bench_pad.SIDE, bench_pad.SIDE)
-        return np.where(computed.relative_to(self.taxel) < LEAST, np.nan, share * self.measured / 100 / changes)
+        computed = np.where(self.shifted < LEAST, np.nan, self.computed.changes[self.taxel - 1] * self.shifted)
+        return measured.HELD_PRESSES[self.taxel].change * self.measured / computed
 
 
 def rms(difference: np.ndarray) -> float:
@@ -103,14 +100,14 @@ def held_map(
     """
     record = measured.HELD_PRESSES[taxel]
     travel, middle = found.travel(record.travel), np.array(bench_pad.centre_of(taxel))
-    centred = _at(path, travel, found.modulus)
-    place = place_of(centred.relative_to(taxel), np.array(record.changes), taxel)
-    moved = press.moved(*np.round(middle + place, 2).tolist())
-    there, free = (
-        _at(bench_pad.path(store, moved, (travel,), assumed=assumed), travel, found.modulus)
-        for assumed in (bench_pad.AS_FITTED, FREE_WALLS)
-    )
-    return HeldMapComparison(taxel, place, centred, there, free)
+    computed, measured_map = _at(path, travel, found.modulus), np.array(record.changes, dtype=float)
+    centred = computed.relative_to(taxel)
+    place, shifted = place_of(centred, measured_map, taxel)
+    checked = None
+    if taxel in CHECKED:
+        moved = press.moved(*np.round(middle + place, 2).tolist())
+        checked = _at(bench_pad.path(store, moved, (travel,)), travel, found.modulus).relative_to(taxel)
+    return HeldMapComparison(taxel, place, computed, measured_map, centred, shifted, checked)
 
 
 def _at(path: xr.Dataset, travel: float, modulus: float) -> ComputedMap:
@@ -119,12 +116,13 @@ def _at(path: xr.Dataset, travel: float, modulus: float) -> ComputedMap:
         return ComputedMap(modulus * float(path.force[0]), path.change.values[0])
     knots = np.insert(path.travel.values, 0, 0.0)
     values = np.vstack([np.zeros(bench_pad.SIDE**2 + 1), np.column_stack([path.force, path.change])])
-    force, *changes = CubicSpline(knots, values, bc_type="natural")(travel)
+    force, *changes = CubicSpline(knots, values)(travel)
     return ComputedMap(modulus * float(force), np.array(changes))
 
 
-def place_of(centred: np.ndarray, measured_map: np.ndarray, taxel: int) -> np.ndarray:
-    """Position (x, y) of an indenter relative to the middle of the held taxel in mm, from the measured map.
+def place_of(centred: np.ndarray, measured_map: np.ndarray, taxel: int) -> tuple[np.ndarray, np.ndarray]:
+    """Position (x, y) of an indenter relative to the middle of the held taxel in mm, from the measured map, and the map
+    ``centred`` shifted to it.
 
     The change of a taxel at the distance r from the indenter is taken as proportional to exp(a r^2 + b r^4), with a and
     b from the computed map ``centred`` of an indenter above the middle. The differences between taxels of that map that
@@ -137,12 +135,13 @@ def place_of(centred: np.ndarray, measured_map: np.ndarray, taxel: int) -> np.nd
     powers = np.stack([squared, squared**2], axis=1)
     falls = np.linalg.lstsq(powers[near], np.log(centred.ravel()[near] / 100), rcond=None)[0]
 
-    def logarithm(place: np.ndarray) -> np.ndarray:
+    def shifted(place: np.ndarray) -> np.ndarray:
+        # The quartic holds within NEAR; beyond, changes are small, and keep those of the centred map.
         distance = np.square(away - place).sum(axis=1) / measured.PITCH**2
-        return np.stack([distance, distance**2], axis=1) @ falls
+        growth = (np.stack([distance, distance**2], axis=1) - powers) @ falls
+        factor = np.where(squared < NEAR**2, np.exp(growth), np.exp(growth[taxel - 1]))
+        return centred.ravel() * factor / factor[taxel - 1]
 
-    def residuals(place: np.ndarray) -> np.ndarray:
-        growth = logarithm(place) - logarithm(np.zeros(2))
-        return (centred.ravel() * np.exp(growth - growth[taxel - 1]) - measured_map.ravel())[near]
-
-    return np.round(least_squares(residuals, np.zeros(2), x_scale=0.1).x, 2)
+    place = least_squares(lambda at: (shifted(at) - measured_map.ravel())[near], np.zeros(2), x_scale=0.1).x
+    place = np.round(place, 2)
+    return place, shifted(place).reshape(centred.shape)

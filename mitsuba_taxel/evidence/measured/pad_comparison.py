@@ -14,8 +14,8 @@ from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
 INDENTER, START = "sphere", (7.5, 1.05)
 """End of the rod; first guess of height and radius in mm."""
-PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.05)
-"""Travels in mm for the predicted taxels, whose load paths may end before the travel of the hold."""
+PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.1)
+"""Travels in mm for the predicted taxels, up to the largest measured force."""
 MAP_TRAVEL = 1.6
 """Travel in mm of the computed map. With an indenter beside the middle, load paths may end before the travel of the
 hold."""
@@ -120,7 +120,7 @@ def results(store: PaperStudies) -> PadComparison:
     studies = {
         taxel: middle
         if taxel == measured.PRESSED
-        else bench_pad.path(store, fitted.moved(*bench_pad.centre_of(taxel)), PREDICTED_TRAVELS)
+        else predicted_path(store, fitted, taxel)
         for taxel in curves
     }
     compared = {taxel: compare(studies[taxel], taxel, fitted_pad, curve) for taxel, curve in curves.items()}
@@ -135,6 +135,11 @@ def results(store: PaperStudies) -> PadComparison:
     widest = min(tried, key=lambda wide: abs(wide.near - measured_ring))
     change = float(errors.change.sel(taxel=measured.PRESSED).item())
     return PadComparison(fitted_pad, compared, offset, centred, held_map(moved_study), change, errors, finer, widest)
+
+
+def predicted_path(store: PaperStudies, fitted: IndenterPress, taxel: int) -> xr.Dataset:
+    """Compute the load path of the fitted pad with the indenter above the middle of a predicted taxel."""
+    return bench_pad.path(store, fitted.moved(*bench_pad.centre_of(taxel)), PREDICTED_TRAVELS)
 
 
 def _press_of(fitted_pad: FittedPad) -> IndenterPress:

@@ -16,10 +16,12 @@ from mitsuba_taxel.evidence.measured import measured, memory_fit, validation_fig
 from mitsuba_taxel.evidence.measured.bench_pad_in_time import Prony
 from mitsuba_taxel.evidence.measured.cycles import PER_FORCE, circuit_at_rest, cycle, figures
 from mitsuba_taxel.evidence.measured.dead_weights import weights
+from mitsuba_taxel.evidence.measured.held_maps import held_map
 from mitsuba_taxel.evidence.measured.pad_assumptions import tried
-from mitsuba_taxel.evidence.measured.pad_comparison import results
+from mitsuba_taxel.evidence.measured.pad_comparison import predicted_path, results
 from mitsuba_taxel.evidence.measured.page.assumptions import assumptions_section
 from mitsuba_taxel.evidence.measured.page.dead_weights import weights_section
+from mitsuba_taxel.evidence.measured.page.held_maps import maps_section
 from mitsuba_taxel.evidence.measured.page.memory import memory_section
 from mitsuba_taxel.evidence.measured.page.pad import pad_section
 from mitsuba_taxel.evidence.measured.page.rest import rest_section
@@ -59,6 +61,14 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
     sections = [
         _HEAD.format(command=command, minutes=MINUTES),
         pad_section(fitted, pictures),
+        maps_section(
+            [
+                held_map(store, fitted.fitted, fitted.found, taxel, predicted_path(store, fitted.fitted, taxel))
+                for taxel in measured.HELD_PRESSES
+                if taxel != measured.PRESSED
+            ],
+            fitted.moved,
+        ),
         assumptions_section(fitted, tried(store, fitted)),
         memory_section(memory, pictures),
         softening_section(

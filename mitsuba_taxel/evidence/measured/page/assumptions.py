@@ -55,8 +55,8 @@ def _own(results: PadComparison) -> str:
             f"**Taxel {PREDICTED}.** {times}, but not so in the map while taxel {measured.PRESSED} is pressed."
         )
     return (
-        f"**Taxel {PREDICTED}** deviates in the same way wherever the pad is pressed. {times}. The same factor holds "
-        f"in the map, while taxel {measured.PRESSED} is pressed: it turns the computed change of {computed:.0f} into "
-        f"{expected:.0f}, and {actual:.0f} was measured. So the deviation is a property of the taxel, and not an error "
-        "of the deformation. In the model, all taxels are equal."
+        f"{times}. The same factor holds in the map, while taxel {measured.PRESSED} is pressed: it turns the computed "
+        f"change of {computed:.0f} into {expected:.0f}, and {actual:.0f} was measured. This would be a property of the "
+        f"taxel; but while taxel {PREDICTED} is held, its neighbours, too, change more than computed, as said above. "
+        "So it is one of this part of the pad, at least in part; in the model all parts are equal."
     )

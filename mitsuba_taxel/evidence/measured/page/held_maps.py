@@ -1,0 +1,113 @@
+"""A section of the page of measured sensors: maps of all taxels while other taxels than the middle one are held."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mitsuba_taxel.base.files.markdown import markdown_table
+from mitsuba_taxel.evidence.measured import bench_pad, measured
+from mitsuba_taxel.evidence.measured.held_maps import HeldMapComparison, rms
+from mitsuba_taxel.evidence.paper.page.words import paragraph
+
+RMS_TARGET = 3.0
+"""Root mean square of the differences in points that was to be reached."""
+CLEAR = 10.0
+"""Computed change, in percent of that of the held taxel, from which ratios are averaged."""
+
+
+def maps_section(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> str:
+    """The section of the page, from the maps of held taxels, and the computed map (5, 5) while the middle one is held.
+    """
+    numbers = " and ".join(str(each.taxel) for each in maps)
+    return f"""\
+### All taxels while taxels {numbers} are held
+Predicted with what taxel {measured.PRESSED} gave, except for the place of the indenter, which is not published and is
+fitted to each map (two numbers for 24). The computed map of an indenter above the middle is shifted to this place, with
+the fall of the changes with the distance that it has itself. Maps are in percent of the change of the held taxel:
+measured / computed, arranged as on the board.
+
+{"".join(_map(each) for each in maps)}
+{markdown_table(["held taxel", "place", "rms", "largest difference"], _errors(maps, middle))}
+
+{paragraph(_verdict(maps, middle))}
+
+{paragraph(_causes(maps))}
+"""
+
+
+def _map(each: HeldMapComparison) -> str:
+    record = measured.HELD_PRESSES[each.taxel]
+    x, y = (f"{offset:+.2f} mm" for offset in each.place)
+    heads = ["", *(f"column {number}" for number in range(1, bench_pad.SIDE + 1))]
+    rows = [
+        [f"row {number}", *(f"{a:.0f} / {b + 0.0:.0f}" for a, b in zip(*row, strict=True))]
+        for number, row in enumerate(zip(each.measured, each.shifted, strict=True), start=1)
+    ]
+    own = 100 * each.computed.changes[each.taxel - 1]
+    checked = (
+        f" By finite elements for this place, the computed map differs by at most "
+        f"{np.abs(each.checked - each.shifted).max():.1f} points from the shifted one."
+        if each.checked is not None
+        else ""
+    )
+    words = (
+        f"**Taxel {each.taxel}**, held at {record.travel:.2f} mm: force {record.force:.2f} N measured, "
+        f"{each.computed.force:.2f} N computed; its own voltage changes by {100 * record.change:.1f} % measured, "
+        f"{own:.1f} % computed. Fitted place of the indenter: {x} along x and {y} along y.{checked}"
+    )
+    return f"{paragraph(words)}\n\n{markdown_table(heads, rows)}\n\n".replace("-0 ", "0 ")
+
+
+def _errors(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> list[list[str]]:
+    def row(taxel: int, place: str, difference: np.ndarray) -> list[str]:
+        worst = np.unravel_index(int(np.abs(difference).argmax()), difference.shape)
+        site = f"row {worst[0] + 1}, column {worst[1] + 1}"
+        return [str(taxel), place, f"{rms(difference):.1f}", f"{difference[worst]:+.1f}, {site}"]
+
+    rows = [row(measured.PRESSED, "fitted, see above", middle - np.array(measured.HELD_MAP))]
+    for each in maps:
+        rows.append(row(each.taxel, "middle", each.centred - each.measured))
+        rows.append(row(each.taxel, "fitted", each.shifted - each.measured))
+        if each.checked is not None:
+            rows.append(row(each.taxel, "fitted, by finite elements", each.checked - each.measured))
+    return rows
+
+
+def _verdict(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> str:
+    reached = [rms(each.shifted - each.measured) for each in maps]
+    first = rms(middle - np.array(measured.HELD_MAP))
+    shares = " and ".join(
+        f"{100 * (1 - (value / rms(each.centred - each.measured)) ** 2):.0f} % (taxel {each.taxel})"
+        for each, value in zip(maps, reached, strict=True)
+    )
+    within = [str(each.taxel) for each, value in zip(maps, reached, strict=True) if value <= RMS_TARGET]
+    kept = f"With the fitted places, {' and '.join(within) or 'no map'} are within the target of {RMS_TARGET:g} points"
+    return (
+        f"{kept}; taxel {measured.PRESSED} has {first:.1f}. The place of the indenter explains {shares} of the mean "
+        "square difference: an indenter that is a few tenths of a millimetre beside the middle presses one neighbour "
+        "more than the other."
+    )
+
+
+def _causes(maps: Sequence[HeldMapComparison]) -> str:
+    """Sentences about changes that are larger than computed around a whole press."""
+    sentences = []
+    for each in maps:
+        ratios = each.ratio[each.shifted >= CLEAR]
+        share = each.computed.force / measured.HELD_PRESSES[each.taxel].force
+        sentences.append(
+            f"while {each.taxel} is held, the {len(ratios)} taxels with at least {CLEAR:g} points change "
+            f"{np.median(ratios):.2f} times as much as computed in the median ({ratios.min():.2f} to "
+            f"{ratios.max():.2f}), and the force is {100 * (share - 1):+.0f} % off"
+        )
+    text = "; ".join(sentences)
+    return (
+        f"**Relative to rest**, not to the held taxel: {text}. So it is not one taxel that differs. Neither the gain "
+        "of a part, which cancels relative to rest, nor the place of the indenter explains it: the pad around a held "
+        "taxel responds more, or less, at the same force. Of the assumptions in the next table, only collars that hold "
+        "nothing raise the changes at the same force (by a fifth for taxel 13). How firmly the walls are held, and "
+        "whether this differs from place to place, is not published; a map of the height of the pad and of its contact "
+        "with the collars would be needed to decide."
+    )
