@@ -46,6 +46,8 @@ For users of indenters with friction who ask whether dragged bodies are solved c
 
 Written by `{command}`; do not edit by hand.
 
+**{summary}**
+
 Each row compares two solutions for the same final state of a pad with one cell, on elements of the default size. In the
 first, a body is pressed into the middle and dragged to its final position, with a coefficient of friction of
 {friction:g}. In the second, the same body is pressed in at the final position, without friction. The two solutions have
@@ -53,7 +55,7 @@ different load steps, and elements that are small at different places: along the
 position. Forces and the mean displacement of the roof should agree within their stated errors. They agree better than
 that, because elements of equal size around the body have similar errors.
 
-**{summary}**
+The table follows; its columns are explained below it.
 
 {table}
 

@@ -59,6 +59,8 @@ For people who change how light is traced.
 
 Written by `{command}`; do not edit by hand.
 
+**{summary}**
+
 This page tests two methods that reduce the noise of random paths. Each row is a pad with one cell, whose optics are
 drawn at random as on the page [light of random configurations](light.md).
 
@@ -68,7 +70,7 @@ drawn at random as on the page [light of random configurations](light.md).
   [paths through material points](theory/derivatives.md#paths-through-material-points), and as a difference of readings
   that share their random numbers. Walls are diffuse, with or without a finish, and rims are sharp or rounded.
 
-**{summary}**
+The table follows; its columns are explained below it.
 
 {table}
 

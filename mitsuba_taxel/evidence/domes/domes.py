@@ -78,6 +78,8 @@ For users of domes and of cells with mirrors who ask whether their readings are 
 
 Written by `{command}`; do not edit by hand.
 
+**{summary}**
+
 This page compares readings at the default settings with independent reference values. It covers domes in detail, and
 all other cell shapes.
 
@@ -91,7 +93,7 @@ all other cell shapes.
   with mirrors. For 3 x 3 cells under tangential forces, stability is tested on elements of {judge:g} mm in both
   simulations.
 
-**{summary}**
+The table follows; its columns are explained below it.
 
 {table}
 

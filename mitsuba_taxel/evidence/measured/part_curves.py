@@ -305,19 +305,20 @@ def _plot(rows: list[PartRow], candidates: list[Explanation], file: Path) -> Non
 _PAGE = """\
 # Parts beside their datasheets
 
-For users of real photo-reflectors who must know how well the dies of the catalogue reproduce a datasheet. Written by
-`{command}`.
+For users of real photo-reflectors who must know how well the dies of the catalogue reproduce a datasheet.
+
+Written by `{command}`; do not edit by hand.
 
 ![Currents over distance, and candidates for the VCNT2020]({picture})
 
 {parts}
 
 Currents are relative to the largest. The file of each part says where its numbers are from, and what is unknown. Sizes
-and depths of dies are in no datasheet. They were fitted to the curve, which hardly tells sizes; a small difference is
-therefore no proof of the geometry.
+and depths of dies are in no datasheet. They were fitted to the curve, which hardly determines the sizes. So a small
+difference does not prove the geometry.
 
-- **CNY70.** Windows of 1.8 mm lie 1 mm below a rim. Dies of 0.3 mm, 1 mm deep, are the best of 24 combinations; dies
-  at the windows miss by a third of the peak. What the rim reflects is unknown and left out.
+- **CNY70.** Windows of 1.8 mm lie 1 mm below a rim. Dies of 0.3 mm, 1 mm deep, are the best of 24 combinations; with
+  dies at the windows, the difference is a third of the peak. Light that the rim reflects is unknown and not modelled.
 - **QRE1113.** Its datasheet has two curves. Dies and depth are fitted to that under a mirror, and the other, under
   white paper, is then predicted. The prediction misses by an eighth of the peak below 0.5 mm, and is a few percent too
   high beyond 1 mm: the fit does not hold near the part. Its windows, like those of the CNY70, may lie below a rim.
@@ -325,27 +326,34 @@ therefore no proof of the geometry.
   flat windows, so that a reading is refused. Only the datasheet's curve is shown.
 - **VCNT2020.** See below.
 
-## What lights and receives in a VCNT2020
+## The emitting and receiving surfaces of a VCNT2020
 
-The datasheet has a second curve, of the edge of a mirror that moves along x: from 10 to 90 % of the current in
-{width} mm. At the mirror, light is at the mean of a point of the emitter and one of the detector. The width is
-therefore determined by sizes, and hardly by depth or height (here {height:g} mm, assumed). Candidates in the table were
-found by minimising the miss of the distance curve for a given width along x.
+The datasheet's two curves together are reproduced only by surfaces about twice as wide as the dies of the catalogue.
+They are 0.7 to 0.9 mm wide, lie at the windows, less than 0.05 mm deep, and emit by Lambert's law. The best of them
+has the measured width along x, and differs from the distance curve by {best:.1f} % of the peak; {allowed:g} % was
+the target.
+
+The second curve of the datasheet is that of the edge of a mirror that moves along x: the current rises from 10 to 90 %
+within {width} mm. This width is determined by the sizes of the surfaces, and hardly by their depth or the height of the
+mirror (here {height:g} mm, assumed), because a ray meets the mirror halfway between its ends on the emitter and on the
+detector.
+
+The table has a row for each candidate. It shows the largest difference from the distance curve, in percent of the peak,
+and the widths of the edge along x and y. Candidates were found by minimising that difference for a given width along x:
 
 {candidates}
 
-**Judgement.** The two curves together are reproduced only by surfaces about twice as wide as the dies of the catalogue,
-0.7 to 0.9 mm, that lie at the windows, less than 0.05 mm deep, and emit by Lambert's law. The best of them, with
-the width along x, misses the distance curve by {best:.1f} % of the peak, where {allowed:g} % was asked.
-Excluded are:
+**Excluded** are:
 
 - small dies below clear resin, although some fit the distance curve better than any other: the edge is then about half
   as wide as measured;
 - wide dies that lie deeper: the current near the part is then wrong by a tenth of the peak;
-- whole windows, evenly lit, as they would be by much scattering in the resin: {whole:.1f} % of the peak;
-- a scattering surface above small dies: near, it is too narrow; far, it is as wrong as whole windows.
+- whole windows, evenly lit, as they would be by much scattering in the resin: the difference is {whole:.1f} % of the
+  peak;
+- a scattering surface above small dies: close to the dies, its edge is too narrow; far above them, its difference is as
+  large as that of whole windows.
 
-Whether these surfaces are large dies, the cup of a reflector, or resin that is lit in it, the two curves do not tell.
+The two curves do not show whether these surfaces are large dies, the cup of a reflector, or resin that is lit in it.
 
 **Prediction, written before any comparison.** From 10 to 90 % of the current, the edge of a mirror along y is
 {square:.2f} mm wide if the surfaces are squares, as dies are. Lengths up to 1 mm fit as well (to {near:.1f} %), so that
