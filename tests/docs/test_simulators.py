@@ -102,6 +102,28 @@ def test_contacts_of_a_ball_give_its_depth(page, ball):
     assert data.ncon == 0 and (page["contact_depth"](model, data, "pad", ball[0]) < 0).all()
 
 
+@pytest.mark.skipif(int(mujoco.__version__.split(".")[0]) < 4, reason="the tactile sensor of older versions differs")
+def test_the_gripper_holds_the_egg_until_it_slips(page):
+    blocks = dict(BLOCK.findall(PAGE.read_text(encoding="utf-8")))
+    hand = blocks["hand.xml"].replace("0.002275", "0.0015").replace("0.032", "0.03045")  # the pad here is 3 mm high
+    Path("hand.xml").write_text(hand, encoding="utf-8")
+    for caption in ("grip.py", "plot_grip.py"):
+        exec(blocks[caption], page)
+    assert Path("grip.png").stat().st_size > 10000
+    time, height, readings = page["time"], page["height"], page["readings"]
+    deepest, slip = page["depth"].max(axis=(1, 2)), page["slip"].max(axis=(1, 2, 3))
+    held, away = (time > 1.6) & (time < 2.0), time < 0.25
+    assert np.ptp(height[held]) < 0.01 and height[held].min() > height[0] + 29  # lifted by 30 mm
+    assert np.ptp(deepest[held]) < 0.01 and deepest[held].min() > 0.1 and slip[held].max() < 0.1
+    assert (deepest[away] == 0).all() and height[-1] == pytest.approx(height[0], abs=1)  # on the table again
+    falls = (time > 2.0) & (deepest > 0)
+    assert slip[falls].max() > 10  # mm/s, before it falls
+    # By symmetry about its middle, the centre of pressure is that of the pad, and the force falls as the hand opens.
+    np.testing.assert_allclose(readings.centre[held], 0, atol=0.1)
+    opening = (time > 2.05) & (deepest > 0.03)
+    assert opening.sum() > 20 and (np.diff(-readings.force[opening, 2]) < 0).all()
+
+
 def test_imperfect_pads_observe_counts_and_relaxing_forces(page):
     pad, depth = page["pad"], np.full((3, 11, 11), -1.0)
     depth[:2, 4:7, 4:7] = 0.1
