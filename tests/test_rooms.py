@@ -18,7 +18,7 @@ FLOORS = re.findall(r"^\| `(?:mitsuba_taxel/)?(\w+)` \|", (ROOT / "CONTRIBUTING.
 TOGETHER = {
     "check": {"broken_scenes"},
     "cli": {"bad_input", "ends", "program"},
-    "docs": {"docstrings", "pages"},
+    "docs": {"docstrings", "engine_stubs", "pages"},
     "mechanics": {
         "benchmarks_of_the_literature", "block", "closed_forms", "contact_with_packages", "energy",
         "shape_sensitivities", "softened_path", "touching_under_indenters", "wrench",
@@ -26,7 +26,8 @@ TOGETHER = {
     "optimum": {"thin_roof"},
     "pads": {"blunt_edges", "file_meshing"},
     "plugins": {"led_on_rectangle"},
-    "sensing": {"finish", "touch_maps"},
+    "sensing": {"coat_normals", "finish", "image_errors", "prints", "touch_maps"},
+    "surrogates": {"contact_forms"},
 }  # fmt: skip
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""
 

@@ -162,7 +162,27 @@ def fit_material(
 
 
 def fit_class(law: type[Material], uniaxial: Sequence[str | Path] = (), **tests: Any) -> MaterialFit:
-    """Fit the laws of a class: all laws for `Material`, else the one law; see `Material.fit`."""
+    """Fit the laws of a class to tests of a silicone; see `Material.fit`.
+
+    Parameters
+    ----------
+    law : type[Material]
+        Law to be fitted; `Material` itself means all laws.
+    uniaxial : sequence of str or Path
+        Tables of tension or compression.
+    **tests : Any
+        Other tests and options, as for `fit_material`.
+
+    Returns
+    -------
+    MaterialFit
+        The laws, ranked by their errors.
+
+    Raises
+    ------
+    InputError
+        if a table cannot be used.
+    """
     own = vars(law).get("name", law.__name__)  # a subclass of a law inherits its name, but is another law
     return fit_material(uniaxial, law=None if law is Material else own, **tests)
 
