@@ -123,12 +123,13 @@ class DeformablePad(mi.Mesh):
             name = next(name for name, value in props.objects() if value is walls[0])
             props[name] = make_plugin("region", **dict.fromkeys(REGIONS, walls[0]))
         # Light passes through a null wall of a block, but rays to a light would end there: it gets no triangles.
-        self.clear = clear_regions(walls) if isinstance(self.pad, Block) else []
+        is_coated = isinstance(self.pad, Block) or self._is_file_without_cells()
+        self.clear = clear_regions(walls) if is_coated else []
         self.mirrors = [code for wall in walls for code in mirrors(wall) if code not in self.clear]
         if isinstance(self.pad, Block) and (markers := parameters.build_markers()):
             _paint(markers, self.pad, walls)
         # A camera sees single triangles of the coat, which would look like facets.
-        self.smooth = sorted({*self.mirrors, REGIONS["top"]}) if isinstance(self.pad, Block) else self.mirrors
+        self.smooth = sorted({*self.mirrors, REGIONS["top"]}) if is_coated else self.mirrors
         check_mirrors(self.pad, self.mirrors, self.subdivision)
 
         # Elements and triangles of loaded cells are chosen by the light unless a mesh size is set.
@@ -147,6 +148,13 @@ class DeformablePad(mi.Mesh):
             triangles = np.arange(triangles.size).reshape(-1, 3)
         initialize_mesh(self, props, mesh_data, triangles, self._texcoords())
         self._add_attributes(self)
+
+    def _is_file_without_cells(self) -> bool:
+        """Whether the pad is from a file and has no cells."""
+        if not isinstance(self.pad, PadFile):
+            return False
+        with stages.stage("mechanics"):
+            return not self.at_rest().mesh.face_cell.any()
 
     def _solve(self, waits: bool) -> Surface:
         """The surface of the pad under its load; the undeformed surface if it ``waits`` for packages."""
@@ -395,7 +403,7 @@ class DeformablePad(mi.Mesh):
         InputError, ComputationError
             for the reasons of `load_path`: if the undeformed pad touches an obstacle, or if the load path ends.
         """
-        if isinstance(self.pad, Block):
+        if not self.state.mesh.face_cell.any():
             raise InputError(f"{NO_ROOM}: a pad with cells is needed.")
         try:
             state = self.state_under(self.value, obstacles)

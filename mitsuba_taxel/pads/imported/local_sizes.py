@@ -11,6 +11,7 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.surfaces.box_tree import TooManyPairs
 from mitsuba_taxel.geometry.surfaces.triangles import closest_on_segments, closest_on_triangles, near, neighbours
+from mitsuba_taxel.pads.block import ELEMENTS_ALONG
 from mitsuba_taxel.pads.cells.cell_shape import ON_FLAT_WALLS, ON_ROUND_WALLS
 from mitsuba_taxel.pads.imported.symmetric_part import PLANE
 from mitsuba_taxel.pads.imported.triangles.curvature import radii
@@ -29,7 +30,7 @@ def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.nd
     """Default size of elements, by the rule of `Pad.default_mesh_size`.
 
     It scales with the size of the smallest cell, and with the square root of the least thickness of the silicone beside
-    or above a cell.
+    or above a cell. Without cells, it is that of a block.
 
     Parameters
     ----------
@@ -45,6 +46,8 @@ def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.nd
     float
         Mesh size in mm, to three digits.
     """
+    if not cell.any():
+        return float(f"{ELEMENTS_ALONG * np.ptp(vertices, axis=0).min():.3g}")
     cells = [vertices[np.unique(triangles[cell == number])] for number in np.unique(cell[cell > 0])]
     scale = min(float(np.ptp(points[:, :2], axis=0).min()) for points in cells) / TYPICAL_CELL
     thinnest = TYPICAL_THICKNESS * scale

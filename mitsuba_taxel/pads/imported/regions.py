@@ -15,6 +15,7 @@ from mitsuba_taxel.pads.imported.placement import AS_DRAWN, DIRECTIONS, UNMOVED,
 from mitsuba_taxel.pads.imported.rules import Rule
 from mitsuba_taxel.pads.regions import REGIONS
 
+CELL_REGIONS = REGIONS["roof"], REGIONS["side"]
 ROOF_ANGLE = 60.0
 """Degrees from straight down within which a normal counts as facing down. Without rules, a face of a hollow, or a
 smooth patch of triangles, is a roof if enough of its area faces down."""
@@ -160,6 +161,9 @@ def _tagged(surface: FacedSurface, rules: Sequence[Rule]) -> tuple[np.ndarray, n
     roof = _looks_down(surface, group)
     guess = np.where(hollow, np.where(roof, REGIONS["roof"], REGIONS["side"]), REGIONS["outer"])
     by_triangle = np.where(by_triangle == 0, guess, by_triangle)
+    # A pad whose top is named as its coat may have no cell, as for a camera.
+    if any(rule.region == "top" for rule in rules) and not np.isin(by_triangle, CELL_REGIONS).any():
+        return by_triangle, np.zeros_like(by_triangle)
     return by_triangle, _cells(surface, pairs, by_triangle)
 
 
@@ -252,9 +256,12 @@ def _hollow(count: int, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
 
 def _cells(surface: FacedSurface, pairs: np.ndarray, region: np.ndarray) -> np.ndarray:
     """Number (T,) of the cell that each triangle belongs to, 0 for none."""
-    in_cell = np.isin(region, (REGIONS["roof"], REGIONS["side"]))
+    in_cell = np.isin(region, CELL_REGIONS)
     if not in_cell.any():
-        raise GeometryError("it has no cell: no hollow is open towards the board, and no rule names a roof")
+        raise GeometryError(
+            "it has no cell: no hollow is open towards the board, and no rule names a roof, nor a top as the coat of a "
+            "pad without cells"
+        )
     component = components(len(region), pairs[np.all(in_cell[pairs], axis=1)])
     components_of_cells, number = np.unique(component[in_cell], return_inverse=True)
     corners = surface.vertices[surface.triangles[in_cell]]
@@ -280,7 +287,9 @@ def numbered(mesh: VolumeMesh) -> VolumeMesh:
     number[order] = np.arange(len(order))
     points, faces = mesh.points[order], number[mesh.faces]
     _, pairs = neighbours(faces[:, :3])
-    cell = _cells(FacedSurface(points, faces[:, :3], np.arange(len(faces))), pairs, mesh.face_region)
+    cell = np.zeros_like(mesh.face_cell)
+    if np.isin(mesh.face_region, CELL_REGIONS).any():
+        cell = _cells(FacedSurface(points, faces[:, :3], np.arange(len(faces))), pairs, mesh.face_region)
     return VolumeMesh(points, number[mesh.tets], faces, mesh.face_region, cell)
 
 

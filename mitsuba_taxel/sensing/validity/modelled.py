@@ -88,7 +88,8 @@ def _refuse_blocks(scene: mi.Scene) -> None:
     for pad in filter(is_pad, scene.shapes()):
         from mitsuba_taxel.pads import Block  # a scene without a pad omits it
 
-        if isinstance(pad.pad, Block):
+        is_meshed = pad.state is not None  # `taxel check` looks at pads before they are meshed
+        if isinstance(pad.pad, Block) or (is_meshed and not pad.state.mesh.face_cell.any()):
             raise InputError(
                 f"{NO_ROOM}: readings need a pad with cells; `taxel render` makes a camera's image.", pad
             )
