@@ -386,6 +386,27 @@ def cells_command(sides: str, ball: bool, seconds: float) -> None:
     _shown(rows, headings(ManyCellsRow), partial(map, cells), summary=growth_line)
 
 
+@command.command("contact", short_help="Speed of models of contact, and their error against Hertz.")
+@click.option(
+    "--patches", default="15,30", show_default=True, metavar="N,...", help="Numbers of patches along each side."
+)
+@click.option(
+    "--pads", type=click.IntRange(1, 100_000), default=4096, show_default=True, help="Number of pads in one call."
+)
+@debug_option
+def contact_command(patches: str, pads: int) -> None:
+    """Time the model of contact of a half-space with nine taxels under balls: in numpy, and in ONNX and JAX if they are
+    installed."""
+    from mitsuba_taxel.base.errors import InputError
+    from mitsuba_taxel.evidence.accuracy.contact_models import ContactSpeedRow, contact_speed
+    from mitsuba_taxel.evidence.rows.row import cells, headings
+
+    counts = patches.split(",")
+    if not all(count.strip().isdecimal() and 3 <= int(count) <= 50 for count in counts):
+        raise InputError(f"patches = {patches!r} is not allowed: whole numbers from 3 to 50, as in 15,30, are needed.")
+    _shown(contact_speed([int(count) for count in counts], pads), headings(ContactSpeedRow), partial(map, cells))
+
+
 @command.command("omitted-work", short_help="Savings from omitted work.")
 @click.option("--scene", "scenes", multiple=True, metavar="NAME", help="Scene, all by default. May be repeated.")
 @markdown_option
