@@ -100,6 +100,9 @@ def _unusual_load(obj: SceneObject) -> Iterator[Finding]:
     for reason in (_pull(load.quantity, value), _size(load.quantity, value, pad), _miss(load, value, pad)):
         if reason:
             yield obj.finding("warning", f"{quantity} {reason}.", load.quantity)
+    if reason := _moment_size(value[3:], pad):
+        moment = ", ".join(f"{component:g}" for component in value[3:])
+        yield obj.finding("warning", f"moment = {moment} N mm of {PAD} {reason}.", "moment")
 
 
 def _without_earlier_load(obj: SceneObject) -> Iterator[Finding]:
@@ -151,6 +154,21 @@ def _miss(load: Load, value: np.ndarray, pad: UndeformedPad) -> str:
         if load.moved_indenter.body.gap(points - tip).size.min() < 0:
             return ""
     return "does not deform the pad, as the indenter does not touch it: increase the depth, or place it above the pad"
+
+
+def _moment_size(moment: np.ndarray, pad: UndeformedPad) -> str:
+    """A message if a moment is larger than a pad can bear, by the largest stress that it has on a level top."""
+    if isinstance(pad.pad, PadFile) or not moment.any():
+        return ""
+    modulus, (x, y, _) = pad.material.youngs_modulus, pad.pad.extent
+    if unusual(specifications()[PAD].values()["youngs_modulus"], modulus):
+        return ""
+    # A moment about x bends the top along y; one about z shears it, with about the stress of its arm.
+    stresses = 6 * np.abs(moment) / (x * y * np.array([y, x, max(x, y)]))
+    strain = float(stresses.max()) / modulus
+    if strain > LARGEST_STRAIN:
+        return f"is {strain:.2g} times Young's modulus at the edge of its top, which no pad bears; write it in N mm"
+    return ""
 
 
 def _size(quantity: str, value: np.ndarray, pad: UndeformedPad) -> str:

@@ -7,6 +7,8 @@ import re
 import pytest
 from flawed_scene import IN_LED, IN_PAD, IN_REFLECTOR, IN_SENSOR, PAD, change, check, parameter
 
+from mitsuba_taxel import Pad
+
 pytestmark = [pytest.mark.usefixtures("static"), pytest.mark.quick]
 
 UNITS = {
@@ -80,6 +82,22 @@ def test_a_force_beside_a_tilting_plate(tmp_path, x, y, beside):
     found = check(tmp_path, change(PAD, IN_PAD, kind + parameter("moment", "0, 1e-9, 0", "vector")))
     assert [finding.severity for finding in found] == ["warning"] * beside
     assert not beside or f"load_x, load_y = {x:g}, {y:g} mm, outside of the plate" in found[0].message
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_moment_that_no_pad_bears(tmp_path, axis):
+    """The largest stress on a square top is 6 M / side^3: three times Young's modulus are too much."""
+    extent = Pad().extent
+    assert extent[0] == extent[1]
+    largest = 3 * 4.16 * extent[0] ** 3 / 6
+    kind = parameter("load", "plate_wrench", "string")
+    for factor, warned in ((0.99, False), (1.01, True), (1e200, True)):
+        values = [0.0, 0.0, 0.0]
+        values[axis] = -factor * largest
+        moment = parameter("moment", ", ".join(map(str, values)), "vector")
+        found = check(tmp_path, change(PAD, IN_PAD, kind + moment))
+        assert [finding.severity for finding in found] == ["warning"] * warned
+        assert not warned or re.search(r"moment = .* N mm .* times Young's modulus at the edge", found[0].message)
 
 
 def test_a_photo_reflector_in_metres(tmp_path):

@@ -10,7 +10,7 @@ from scipy.integrate import simpson
 
 from mitsuba_taxel import Block, Pad
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.mechanics import NeoHookean, PlateForce, PlateWrench, Viscoelastic, load_path, reactions
+from mitsuba_taxel.mechanics import Mullins, NeoHookean, PlateForce, PlateWrench, Viscoelastic, load_path, reactions
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.derivatives.sensitivities import linearise
 from mitsuba_taxel.mechanics.elements.nodal_forces import nodes_of
@@ -224,6 +224,8 @@ def test_what_is_not_modelled_is_refused(tilted):
         PlateWrench(self_contact=True)
     with pytest.raises(InputError, match="memory under a tilting plate is not modelled"):
         load_path(STUB, Viscoelastic(LAW, ((0.3, 1.0),)), [(0, 0, -1, 0, 0, 0)], times=[1.0], load=PlateWrench())
+    with pytest.raises(InputError, match="not allowed with Mullins' effect: memory under a tilting plate"):
+        load_path(STUB, Mullins(LAW, 2.0, 0.01), [(0, 0, -1, 0, 0, 0)], load=PlateWrench())
     with pytest.raises(InputError, match="derivatives with respect to shapes are not available"):
         linearise(tilted).by_shape(np.zeros_like(tilted.displacement))
     with pytest.raises(InputError, match="six finite numbers are needed"):
