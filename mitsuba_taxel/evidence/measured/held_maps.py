@@ -15,16 +15,12 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from mitsuba_taxel.evidence.measured import bench_pad, measured
-from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress
 from mitsuba_taxel.evidence.measured.pad_fit import FittedPad
-from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
 NEAR = 2.3
 """Largest distance from the held taxel, in pitches, of the taxels to which a place is fitted."""
 LEAST = 4.0
 """Smallest computed change, in percent of that of the held taxel, for fits and for ratios of changes."""
-CHECKED = (17,)
-"""Taxels whose map is computed by finite elements for the fitted place, too."""
 
 
 class ComputedMap(NamedTuple):
@@ -51,8 +47,6 @@ class HeldMapComparison(NamedTuple):
         Force and changes for an indenter above the middle.
     measured, centred, shifted : (5, 5) ndarray
         The measured map; the one computed for an indenter above the middle; and this map shifted to the fitted place.
-    checked : (5, 5) ndarray or None
-        The map computed by finite elements for the fitted place; None if it is not computed.
     """
 
     taxel: int
@@ -61,7 +55,6 @@ class HeldMapComparison(NamedTuple):
     measured: np.ndarray
     centred: np.ndarray
     shifted: np.ndarray
-    checked: np.ndarray | None
 
     @property
     def ratio(self) -> np.ndarray:
@@ -75,17 +68,11 @@ def rms(difference: np.ndarray) -> float:
     return float(np.sqrt(np.square(difference).sum() / (difference.size - 1)))
 
 
-def held_map(
-    store: PaperStudies, press: IndenterPress, found: FittedPad, taxel: int, path: xr.Dataset
-) -> HeldMapComparison:
-    """Compare the map of a held taxel; missing load paths are computed.
+def held_map(found: FittedPad, taxel: int, path: xr.Dataset) -> HeldMapComparison:
+    """Compare the map of a held taxel.
 
     Parameters
     ----------
-    store : PaperStudies
-        Store of results.
-    press : IndenterPress
-        The fitted pad and indenter.
     found : FittedPad
         The fit to taxel 13: its modulus and start of the record are used.
     taxel : int
@@ -99,21 +86,15 @@ def held_map(
         Measured and computed maps.
     """
     record = measured.HELD_PRESSES[taxel]
-    travel, middle = found.travel(record.travel), np.array(bench_pad.centre_of(taxel))
-    computed, measured_map = _at(path, travel, found.modulus), np.array(record.changes, dtype=float)
+    measured_map = np.array(record.changes, dtype=float)
+    computed = _at(path, found.travel(record.travel), found.modulus)
     centred = computed.relative_to(taxel)
     place, shifted = place_of(centred, measured_map, taxel)
-    checked = None
-    if taxel in CHECKED:
-        moved = press.moved(*np.round(middle + place, 2).tolist())
-        checked = _at(bench_pad.path(store, moved, (travel,)), travel, found.modulus).relative_to(taxel)
-    return HeldMapComparison(taxel, place, computed, measured_map, centred, shifted, checked)
+    return HeldMapComparison(taxel, place, computed, measured_map, centred, shifted)
 
 
 def _at(path: xr.Dataset, travel: float, modulus: float) -> ComputedMap:
     """Force and changes at a travel, by splines over the travels of a load path that start at rest."""
-    if len(path.travel) == 1:
-        return ComputedMap(modulus * float(path.force[0]), path.change.values[0])
     knots = np.insert(path.travel.values, 0, 0.0)
     values = np.vstack([np.zeros(bench_pad.SIDE**2 + 1), np.column_stack([path.force, path.change])])
     force, *changes = CubicSpline(knots, values)(travel)

@@ -63,7 +63,7 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
         pad_section(fitted, pictures),
         maps_section(
             [
-                held_map(store, fitted.fitted, fitted.found, taxel, predicted_path(store, fitted.fitted, taxel))
+                held_map(fitted.found, taxel, predicted_path(store, fitted.fitted, taxel))
                 for taxel in measured.HELD_PRESSES
                 if taxel != measured.PRESSED
             ],

@@ -25,8 +25,8 @@ def maps_section(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> str:
 ### All taxels while taxels {numbers} are held
 Predicted with what taxel {measured.PRESSED} gave, except for the place of the indenter, which is not published and is
 fitted to each map (two numbers for 24). The computed map of an indenter above the middle is shifted to this place, with
-the fall of the changes with the distance that it has itself. Maps are in percent of the change of the held taxel:
-measured / computed, arranged as on the board.
+the fall of the changes with the distance that it has itself; finite elements for this place are not computed. Maps are
+in percent of the change of the held taxel: measured / computed, arranged as on the board.
 
 {"".join(_map(each) for each in maps)}
 {markdown_table(["held taxel", "place", "rms", "largest difference"], _errors(maps, middle))}
@@ -46,16 +46,10 @@ def _map(each: HeldMapComparison) -> str:
         for number, row in enumerate(zip(each.measured, each.shifted, strict=True), start=1)
     ]
     own = 100 * each.computed.changes[each.taxel - 1]
-    checked = (
-        f" By finite elements for this place, the computed map differs by at most "
-        f"{np.abs(each.checked - each.shifted).max():.1f} points from the shifted one."
-        if each.checked is not None
-        else ""
-    )
     words = (
         f"**Taxel {each.taxel}**, held at {record.travel:.2f} mm: force {record.force:.2f} N measured, "
         f"{each.computed.force:.2f} N computed; its own voltage changes by {100 * record.change:.1f} % measured, "
-        f"{own:.1f} % computed. Fitted place of the indenter: {x} along x and {y} along y.{checked}"
+        f"{own:.1f} % computed. Fitted place of the indenter: {x} along x and {y} along y."
     )
     return f"{paragraph(words)}\n\n{markdown_table(heads, rows)}\n\n".replace("-0 ", "0 ")
 
@@ -70,8 +64,6 @@ def _errors(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> list[list[
     for each in maps:
         rows.append(row(each.taxel, "middle", each.centred - each.measured))
         rows.append(row(each.taxel, "fitted", each.shifted - each.measured))
-        if each.checked is not None:
-            rows.append(row(each.taxel, "fitted, by finite elements", each.checked - each.measured))
     return rows
 
 
