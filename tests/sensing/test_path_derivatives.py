@@ -18,6 +18,7 @@ from mitsuba_taxel import InputError, Scene, measure
 from mitsuba_taxel.base.differences import BEHIND, STENCILS
 from mitsuba_taxel.evidence.domes.domes import dome_scene
 from mitsuba_taxel.evidence.domes.sphere_light import SPACING, Dome
+from mitsuba_taxel.kernels.paths import emission_guiding
 from mitsuba_taxel.kernels.surfaces.mesh_adapter import places_of
 from mitsuba_taxel.sensing.derivatives import path_derivatives
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
@@ -48,6 +49,13 @@ def _light_alone(monkeypatch):
     """For comparisons on the same elements."""
     monkeypatch.setattr("mitsuba_taxel.mechanics.second_state", lambda *_, **__: None)
     monkeypatch.setattr(path_derivatives._AlongWithPad, "_mechanics_error", lambda *_: 0.0)
+
+
+@pytest.fixture
+def _short_pilots(monkeypatch):
+    """For tests that ask for no figure that light over mirrors decides: rays go where the law sends them."""
+    monkeypatch.setattr(emission_guiding, "_PILOT", 1 << 9)
+    monkeypatch.setattr(emission_guiding, "_MOST", 1)
 
 
 def on_spheres(fields, rms_slope):
@@ -142,6 +150,7 @@ def test_derivatives_are_differences_of_whole_chains(roof, pad, name, step):
     assert abs(found.values[0, 0] - expected) < 4 * error + 0.03 * abs(expected)
 
 
+@pytest.mark.usefixtures("_short_pilots")
 def test_every_law_has_derivatives_with_errors_that_name_the_method():
     scene = dict(pressed({"scattering": "mixed", "specular": 0.3, "isotropic": 0.7}, "parallelepiped").source)
     scene["packages"] = {**scene["packages"], "led": {"type": "annular_led", "law": "uniform_polar_angle"}}
@@ -152,6 +161,7 @@ def test_every_law_has_derivatives_with_errors_that_name_the_method():
     assert found.values[0, 1] == pytest.approx(found.power[0], rel=1e-5)  # the power is proportional to it
 
 
+@pytest.mark.usefixtures("_short_pilots")
 def test_the_error_of_the_elements_is_part_of_the_stated_one(monkeypatch):
     scene = pressed(ROUGH, "parallelepiped")
     whole = by_paths(scene, "fz", points=64).standard_errors
@@ -162,6 +172,7 @@ def test_the_error_of_the_elements_is_part_of_the_stated_one(monkeypatch):
     assert np.all(np.isnan(by_paths(scene, "fz", points=64).standard_errors))
 
 
+@pytest.mark.usefixtures("_short_pilots")
 def test_the_scene_is_as_it_was_afterwards():
     scene = pressed(MIRROR)
     ready = prepare(scene)
@@ -172,6 +183,7 @@ def test_the_scene_is_as_it_was_afterwards():
     np.testing.assert_array_equal(places_of(pad).normals, before.normals)
 
 
+@pytest.mark.usefixtures("_short_pilots")
 def test_one_moved_scene_is_alive_at_a_time(llvm_mono, monkeypatch):
     """Kernels contain the parts of all: of many, they would be large, and compiled anew for each."""
     read, alive = MovedScene.power, []
@@ -202,6 +214,7 @@ def test_walls_that_move_along_are_those_of_a_changed_pad():
     assert distance == pytest.approx(0.5 * (2.55 + step), abs=1e-6)
 
 
+@pytest.mark.usefixtures("_short_pilots")
 def test_a_dimension_of_cells_with_a_finish_is_refused():
     layers = {"finish": "layer_steps", "layer_height": 0.2, "print_direction": [0, 0, 1]}
     scene = pressed(ROUGH, "parallelepiped", **layers)
