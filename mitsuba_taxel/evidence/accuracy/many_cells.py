@@ -22,7 +22,7 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 PER_CELL = -1.0
 """Normal force in N per cell of the pad."""
 MEMORY = 24 * 2**30
-"""Memory limit of a process in bytes. It includes reserved memory: a solver reserves 1 to 17 GB for stacks."""
+"""Memory limit of a process in bytes. It includes reserved memory: a solver reserves up to 5 GB for stacks."""
 BALL = IndenterDisplacement(Indenter("sphere", radius=4.0, at=(0.9, 0.4)))
 """A ball off the centre, under which the loaded pad has no symmetry."""
 DEPTH = -0.3

@@ -33,6 +33,11 @@ def free_memory() -> float:
     return min(_free_by_limit(), _free_by_machine(), _free_by_group())
 
 
+def is_limited() -> bool:
+    """Whether a limit on the addresses or the data of this process is set (``ulimit -v``, ``-d``)."""
+    return math.isfinite(_free_by_limit())
+
+
 def _free_by_limit() -> float:
     """Bytes that this process can still allocate within its limits of address space and data (``ulimit -v``, ``-d``).
 

@@ -20,7 +20,7 @@ import scipy.sparse as sparse
 from mitsuba_taxel.base.caches import Recent
 from mitsuba_taxel.base.processes.system import return_freed_memory
 from mitsuba_taxel.base.processes.threads import thread_count
-from mitsuba_taxel.mechanics.elements.memory import require_memory
+from mitsuba_taxel.mechanics.elements.memory import is_limited, require_memory
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
@@ -109,7 +109,9 @@ class Rslab:
         if self._symbolic is None:
             require_memory(ANALYSIS_BYTES * lower.nnz, "the analysis of a matrix")
             ordering = "amf" if lower.shape[0] < FEW_UNKNOWNS else "metis"
-            analyse = partial(rslab.analyze, lower, path="ldlt", ordering=ordering)
+            # Each thread of the analysis reserves a stack of up to 4 GB, which would use up a limit.
+            settings = {"threads": 1} if is_limited() else {}
+            analyse = partial(rslab.analyze, lower, path="ldlt", ordering=ordering, **settings)
             pattern = lower.indptr, lower.indices
             self._symbolic = _ANALYSED.of(pattern, analyse) if lower.shape[0] <= KEPT_UNKNOWNS else analyse()
         self._require_memory("float32", threads)
