@@ -127,7 +127,8 @@ def fitted_slopes(force: np.ndarray, samples: np.ndarray, positions: np.ndarray)
 
 
 def _noise(basis: np.ndarray, readings: np.ndarray) -> np.ndarray:
-    """Covariance (N, N) of the means of noisy readings (N, R), from which weights are computed.
+    """Covariance (N, N) of the means of N noisy readings over R replicates, (N, R); the weights of the fitted curve
+    follow from it.
 
     It is assumed to be diagonal in the amplitudes of orthogonal polynomials. The sample covariance of few replicates is
     not used: it has too little noise in some directions, to which the fit would then give too much weight.

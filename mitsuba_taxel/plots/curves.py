@@ -68,7 +68,8 @@ class Curve(NamedTuple):
     joined: bool = True
 
     def weighted(self, weights: np.ndarray) -> Curve:
-        """Sums over the taxels with weights (taxels, lines); errors of taxels are taken as fully correlated."""
+        """The curve of weighted sums over the taxels, one for each line, with weights (taxels, lines). Errors of taxels
+        are taken as fully correlated."""
         smooth, slope = (None if values is None else values @ weights for values in (self.smooth, self.slope))
         return self._replace(
             samples=self.samples @ weights, error=self.error @ np.abs(weights), smooth=smooth, slope=slope

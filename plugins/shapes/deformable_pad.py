@@ -347,7 +347,7 @@ class DeformablePad(mi.Mesh):
         return self._at_rest(self._settings if mesh_size is None else self._settings | {"mesh_size": mesh_size})
 
     def at_onset(self) -> State:
-        """The unloaded state on the elements of loaded states, for derivatives with respect to a load."""
+        """The unloaded state on the finite elements that loaded states have, for derivatives with respect to a load."""
         settings = self._loaded_settings
         return self._at_rest({name: settings[name] for name in self._settings})
 

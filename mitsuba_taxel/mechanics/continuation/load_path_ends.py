@@ -151,7 +151,7 @@ class Obstacles:
     triangles : (K, 3, 3) ndarray
         Corners of the triangles of their closed surfaces, in mm in the frame of the pad.
     mirrors : sequence of Mirror
-        Mirrors that are applied to the obstacles in sequence, as to the load of the segments.
+        Mirrors by which the obstacles are reflected, one after the other: the same reflections as those of the load.
 
     Raises
     ------

@@ -111,8 +111,9 @@ class Figures:
     """Quality of a solved state: residual, smallest volume ratio and errors, as in
     :class:`~mitsuba_taxel.mechanics.continuation.state.State`.
 
-    ``uncertainty`` is that of :class:`~mitsuba_taxel.mechanics.history.step_state.StepError` in mm; ``stress_error`` is
-    the relative error of the stress due to time steps.
+    Errors due to time steps: ``uncertainty`` in mm is the sum, over all steps, of the largest displacement that the
+    error of a step causes (see :class:`~mitsuba_taxel.mechanics.history.step_state.StepError`); ``stress_error`` is the
+    relative error of the stress.
     """
 
     min_jacobian: float

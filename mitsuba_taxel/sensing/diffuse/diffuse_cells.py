@@ -257,8 +257,8 @@ class DiffuseCells:
         return np.array(occluded)
 
     def _covered(self, start: np.ndarray, segment: np.ndarray, deepest: float) -> np.ndarray:
-        """Fraction (N, 1) of each of N segments that lies within the silicone at its start; 0 if the segment does not
-        leave the silicone within ``deepest`` mm."""
+        """Fraction (N, 1) of the length of each of N segments from its start to the point where it first leaves the
+        silicone; 0 if it does not leave the silicone within ``deepest`` mm."""
         ray, hit = self._first(start, segment)
         normal = hit.compute_surface_interaction(ray, mi.RayFlags.Minimal).n
         leaves = hit.is_valid() & (hit.shape == mi.ShapePtr(self.pad)) & (dr.dot(ray.d, normal) > 0)
