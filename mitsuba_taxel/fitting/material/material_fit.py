@@ -162,26 +162,26 @@ def fit_material(
 
 
 def fit_class(law: type[Material], uniaxial: Sequence[str | Path] = (), **tests: Any) -> MaterialFit:
-    """Fit the laws of a class to tests of a silicone; see `Material.fit`.
+    """Fit the laws of a class: all laws for `Material`, otherwise the law itself.
 
     Parameters
     ----------
     law : type[Material]
-        Law to be fitted; `Material` itself means all laws.
+        Class of the law, or `Material`.
     uniaxial : sequence of str or Path
-        Tables of tension or compression.
+        Tables of uniaxial tests; compression is negative.
     **tests : Any
-        Other tests and options, as for `fit_material`.
+        Other tests and settings, as for `fit_material`.
 
     Returns
     -------
     MaterialFit
-        The laws, ranked by their errors.
+        Laws with their constants, intervals and errors.
 
     Raises
     ------
     InputError
-        if a table cannot be used.
+        if a table is refused, or the law cannot be fitted.
     """
     own = vars(law).get("name", law.__name__)  # a subclass of a law inherits its name, but is another law
     return fit_material(uniaxial, law=None if law is Material else own, **tests)
