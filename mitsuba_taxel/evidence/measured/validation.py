@@ -29,6 +29,7 @@ from mitsuba_taxel.evidence.measured.page.softening import softening_section
 from mitsuba_taxel.evidence.measured.rest_spread import spread
 from mitsuba_taxel.evidence.measured.sideways import FORCES, largest_slope, pushed
 from mitsuba_taxel.evidence.measured.softening import first_loading, paper_loading
+from mitsuba_taxel.evidence.measured.taxel_spread import own_sensitivity
 from mitsuba_taxel.evidence.paper import paper
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
@@ -76,7 +77,10 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
             paper_loading(store),
             memory,
         ),
-        weights_section(weights(store, fitted.fitted.height, round(fitted.found.modulus, 3))),
+        weights_section(
+            weights(store, fitted.fitted.height, round(fitted.found.modulus, 3)),
+            {taxel: own_sensitivity(compared) for taxel, compared in fitted.taxels.items()},
+        ),
         rest_section(spread(store)),
         _vcnt2020(pictures),
         _tables(store, memory.terms, pictures),

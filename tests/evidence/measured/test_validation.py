@@ -80,7 +80,7 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
     )
     monkeypatch.setattr(memory_fit, "results", lambda store, press, late: memory)
     found = SimpleNamespace(late=0.1, modulus=0.5)
-    compared = SimpleNamespace(fitted=SimpleNamespace(height=8.0), moved=None, found=found)
+    compared = SimpleNamespace(fitted=SimpleNamespace(height=8.0), moved=None, found=found, taxels={})
     monkeypatch.setattr(validation, "results", lambda store: compared)
     rest = Spread(dict.fromkeys(SOURCES, "a law"), dict.fromkeys(SOURCES, 0.1), 35.0, 10.0, 3.0, 1.0, 33.0)
     monkeypatch.setattr(validation, "spread", lambda store: rest)
@@ -94,7 +94,7 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
     monkeypatch.setattr(validation, "held_map", lambda *made: None)
     monkeypatch.setattr(validation, "maps_section", lambda maps, middle: "### All taxels while others are held")
     monkeypatch.setattr(validation, "weights", lambda store, height, modulus: None)
-    monkeypatch.setattr(validation, "weights_section", lambda study: "## Dead weights")
+    monkeypatch.setattr(validation, "weights_section", lambda study, own: "## Dead weights")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()
     for words in (
         "Mullins' effect in one cell",

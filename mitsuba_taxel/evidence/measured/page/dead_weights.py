@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import xarray as xr
 
@@ -13,8 +15,9 @@ from mitsuba_taxel.evidence.paper.page.words import paragraph
 _HEADS = ("weight [N]", "off the middle [mm]", "mean slope [mV/N]", "least to largest", "sinking [mm]", "tilt [°]")
 
 
-def weights_section(study: xr.Dataset) -> str:
-    """The section of the page, from the states of :func:`weights`."""
+def weights_section(study: xr.Dataset, own: Mapping[int, float]) -> str:
+    """The section of the page, from the states of :func:`weights`, and the measured sensitivity of pressed taxels
+    relative to the computed one, by their number."""
     slope, error = (1e3 * values for values in slopes(study))
     largest = int(np.argmax(np.hypot(study.x, study.y).values))
 
@@ -43,15 +46,16 @@ def weights_section(study: xr.Dataset) -> str:
         f"{2.4 * 4 * per_moment:.2f}°; one of 0.35 N by {0.35 * 3 * per_moment:.3f} to {0.35 * 4 * per_moment:.3f}°. "
         "The mean slope hardly depends on the place of the weight. The stated errors are those of elements and light. "
         "They leave out the assumptions: the plate covers the whole top and is bonded to it, the silicone and its "
-        "height are those fitted to taxel 13, and all taxels have its sensitivity. Taxels 17 and 5, pressed "
-        "themselves, change 1.30 and 0.97 times as much as computed."
+        "height are those fitted to taxel 13, and all taxels have its sensitivity. Pressed themselves, taxels "
+        f"{' / '.join(map(str, own))} change {' / '.join(f'{ratio:.2f}' for ratio in own.values())} times as much as "
+        "computed."
     )
     return f"""\
 ## Dead weights on the whole pad: a prediction
 This section is written before any comparison. Weights of 0.35 to 2.4 N stand on a rigid plate that is bonded to the
 whole top of the pad and tilts freely (`load="plate_wrench"`). Height and modulus of the silicone are those fitted to
-taxel 13; nothing else is fitted. All taxels have the mean voltage at rest, {measured.REST_VOLTAGE:g} V, and slopes are
-changes of the voltage from rest, divided by the weight; taxels are the 25 of the pad:
+taxel 13; nothing else is fitted. All 25 taxels have the mean voltage at rest, {measured.REST_VOLTAGE:g} V. Slopes are
+changes of the voltage from rest, divided by the weight; the third column has their mean, the fourth their range:
 
 {markdown_table(_HEADS, rows)}
 
