@@ -77,7 +77,9 @@ def read_spread(folder: str | Path) -> PadSpread:
     for figure, unit in (("rest", "W"), ("sensitivity", "W/N")):
         rows = spread[spread.figure == figure].sort_values("taxel")
         if not len(rows) or set(rows.unit) != {unit}:
-            raise InputError(f"the study in {folder} has no {figure} in {unit}: a study without a circuit is needed.")
+            raise InputError(
+                f"the study in {folder} has no {figure} in {unit}: a study over force, without a circuit, is needed."
+            )
         values = np.stack([samples[f"{figure}_{taxel}"] for taxel in rows.taxel], axis=1)
         ratios.append(values / rows.nominal.to_numpy())
     read = np.isfinite(ratios).all(axis=(0, 2))

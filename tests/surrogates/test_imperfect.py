@@ -163,6 +163,10 @@ def test_a_tolerance_study_is_read(tmp_path):
     spread = read_spread(str(tmp_path))
     np.testing.assert_allclose(spread.rest, [[1.1, 1.0], [1.0, 0.8]])
     np.testing.assert_allclose(spread.change, [[1.0, 1.5], [0.9, 1.0]])
+    for kept in ([row for row in rows if row["figure"] == "rest"], [{**row, "unit": "V"} for row in rows]):
+        pandas.DataFrame(kept).to_csv(tmp_path / "spread.csv")
+        with pytest.raises(InputError, match="a study over force, without a circuit, is needed"):
+            read_spread(tmp_path)
 
 
 @pytest.mark.parametrize(
