@@ -90,16 +90,23 @@ def test_depth_along_the_normal_has_the_force_of_the_exact_map(page, radius):
 
 
 @pytest.mark.parametrize("ball", BALLS)
-def test_contacts_of_a_ball_give_its_depth(page, ball):
+def test_contacts_of_a_ball_give_its_depth_and_force(page, ball):
     model, data, exact = state(page, *ball)
     assert data.ncon == 1
-    maps = page["contact_depth"](model, data, "pad", ball[0])
-    np.testing.assert_allclose(maps[exact > 0], exact[exact > 0], atol=1e-6)
-    assert (maps[exact <= 0] <= 0).all()
-    np.testing.assert_allclose(page["pad"](maps).power, page["pad"](exact).power, rtol=1e-6)
+    by_depth, by_force = page["read_contacts"](model, data, "pad", ball[0])
+    np.testing.assert_allclose(by_depth.power, page["pad"](exact).power, rtol=1e-6)
+    np.testing.assert_allclose(by_depth.force, page["pad"](exact).force, rtol=1e-6, atol=1e-12)
+    # The force on the pad is opposite to that on the ball, whose mass is 1 kg.
+    acceleration = data.qacc[:3] @ data.body("pad").xmat.reshape(3, 3)
+    engine = page["contacts"](model, data, "pad")[3].sum(axis=0)
+    assert engine[2] == pytest.approx(-acceleration[2], rel=1e-6) and engine[2] < 0
+    assert by_force.force[0, 2] == pytest.approx(engine[2], rel=1e-6)
+    np.testing.assert_allclose(by_force.centre[0], ball[1], atol=1e-6)
     data.qpos[2] += 0.1
     mujoco.mj_forward(model, data)
-    assert data.ncon == 0 and (page["contact_depth"](model, data, "pad", ball[0]) < 0).all()
+    assert data.ncon == 0
+    for readings in page["read_contacts"](model, data, "pad", ball[0]):
+        np.testing.assert_array_equal(readings.power[0], page["pad"].rest)
 
 
 @pytest.mark.skipif(int(mujoco.__version__.split(".")[0]) < 4, reason="the tactile sensor of older versions differs")
