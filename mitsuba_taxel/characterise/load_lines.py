@@ -117,13 +117,14 @@ def runs(study: xr.Dataset, line: LoadLine) -> Iterator[tuple[dict[str, Any], Br
     run : Branch
         Forces in N and readings in the unit of the study, along the line.
     """
-    power = study.replicate_power.isel({line.dim: line.positions})
+    power = study.variables["replicate_power"].isel({line.dim: line.positions})
     other_dims = [dim for dim in power.dims if dim not in (line.dim, "replicate", "taxel")]
     power = power.transpose(*other_dims, line.dim, "replicate", "taxel")
     tangents, methods = _tangents(study, line, other_dims), _methods(study, line, other_dims)
+    at = {dim: study[dim].values for dim in other_dims if dim in study.coords}
     for index in np.ndindex(power.shape[: len(other_dims)]):
         where = {
-            str(dim): study[dim].values[number].item() if dim in study.coords else number
+            str(dim): at[dim][number].item() if dim in at else number
             for dim, number in zip(other_dims, index, strict=True)
         }
         samples = power.values[index]
@@ -147,7 +148,8 @@ def _methods(study: xr.Dataset, line: LoadLine, other_dims: list[Any]) -> np.nda
     names = [name for name, component in zip(FORCES, line.direction, strict=True) if component]
     if "derivative_method" not in study or not set(names) <= set(study.parameter.values.tolist()):
         return None
-    methods = study.derivative_method.sel(parameter=names).isel({line.dim: line.positions})
+    parameters = [study.parameter.values.tolist().index(name) for name in names]
+    methods = study.variables["derivative_method"].isel({"parameter": parameters, line.dim: line.positions})
     return methods.transpose(*other_dims, line.dim, "parameter").values
 
 
@@ -157,16 +159,19 @@ def _tangents(study: xr.Dataset, line: LoadLine, other_dims: list[Any]) -> Tange
     components = {name: component for name, component in zip(FORCES, line.direction.tolist(), strict=True) if component}
     if "derivative" not in study or not set(components) <= set(study.parameter.values.tolist()):
         return None
-    weights = xr.DataArray(list(components.values()), dims="parameter", coords={"parameter": list(components)})
-    by_force = study[["derivative", "derivative_error"]].sel(parameter=list(components))
+    parameters = [study.parameter.values.tolist().index(name) for name in components]
+    weights = xr.Variable("parameter", list(components.values()))
+    derivative, derivative_error = (
+        study.variables[name].isel(parameter=parameters) for name in ("derivative", "derivative_error")
+    )
     # The errors of the components count as fully correlated, as they come from the same finite elements.
-    slope = (by_force.derivative * weights).sum("parameter", skipna=False)
-    error = (by_force.derivative_error * abs(weights)).sum("parameter", skipna=False)
+    slope = (derivative * weights).sum("parameter", skipna=False)
+    error = (derivative_error * abs(weights)).sum("parameter", skipna=False)
     order = [*other_dims, line.dim, "taxel"]
     return Tangents(
         *(
             array.isel({line.dim: line.positions}).transpose(*order).values
-            for array in (study.smooth_power, slope, error)
+            for array in (study.variables["smooth_power"], slope, error)
         )
     )
 

@@ -284,9 +284,14 @@ def _with_change(study: xr.Dataset, change: xr.DataArray, along: Mapping[str, xr
     if "derivative" in study:
         slopes = ((_steps(change, dim) * relative).fillna(0.0) for dim, relative in along.items())
         changes |= {"smooth_power": change, "derivative": sum(slopes, xr.DataArray(0.0))}
+    # Without coordinates, which are the same, arithmetic is several times as fast.
+    readings = study.variables
     return [
         study.assign(
-            {name: (study[name] + sign * by).transpose(*study[name].dims).variable for name, by in changes.items()}
+            {
+                name: (readings[name] + sign * by.variable).transpose(*readings[name].dims)
+                for name, by in changes.items()
+            }
         )
         for sign in SIGNS
     ]
