@@ -57,7 +57,9 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
     if not lines:
         raise InputError(f"{force} has no slope in this study: at least two values of it are needed.")
     if len(lines) > 1:
-        raise InputError(f"{force} grows along {len(lines)} runs: use sensitivity_table for their slopes.")
+        raise InputError(
+            f"{force} grows along {len(lines)} series of loads, which have several slopes: use sensitivity_table for all."
+        )
     return _slopes_along(study, lines[0], changed_by_shape(study))
 
 

@@ -123,7 +123,10 @@ def circuit_in(file):
 
 
 def print_volts(taxels: Sequence[int], volts) -> None:
-    """Print the output of each taxel behind a circuit, and its derivatives in volts and counts; of many, a summary."""
+    """Print the output of the circuit of each taxel, and its derivatives with respect to parameters, in V and counts.
+
+    Of many taxels, a summary is printed.
+    """
     from .many_taxels import MOST_ROWS
 
     say("\nOutput of the circuit; noise: 1 sigma of the electronics")

@@ -185,12 +185,13 @@ def rest(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def largest_reading(responses: DesignResponses, along: str) -> np.ndarray:
-    """All readings along a line, in W, or in V with a circuit; the largest of them counts."""
+    """All readings along a line (series of loads), in W, or in V with a circuit; the largest of them counts."""
     return responses.readings(along).ravel()
 
 
 def saturation(responses: DesignResponses, along: str) -> np.ndarray:
-    """Saturation: all voltages along a line, relative to the voltage at which the circuit counts as saturated."""
+    """Saturation: voltages of all taxels at all loads of the line (series of loads) named ``along``, relative to the
+    voltage at which the circuit counts as saturated."""
     assert responses.circuit is not None
     return responses.readings(along).ravel() / responses.circuit.limit
 

@@ -179,9 +179,10 @@ class Plan:
 
     @property
     def to_contact(self) -> dict[str, dict[str, str]]:
-        """Parameters of the load path to the first contact, for each line whose first contact is needed.
+        """Scene parameters that load the pad until its first contact, for each line (series of loads) whose first
+        contact is needed.
 
-        Parameters of the last load, with `TO_CONTACT`.
+        They are those of the last load of the line; in addition, `TO_CONTACT` extends the load path until the contact.
         """
         last_loads = {}
         for line in dict.fromkeys(figure.parameters["along"] for figure in self.figures if figure.kind in TO_THE_END):

@@ -69,7 +69,10 @@ def iteration_of(model: ContactModel) -> Iteration:
     """
     least, largest = np.linalg.eigvalsh(model.compliance)[[0, -1]]
     if least <= 0:
-        raise ComputationError("the compliance of the patches is singular: a larger spacing is needed.")
+        raise ComputationError(
+            "the compliance of the patches is singular: they are smaller than the elements, and a larger --spacing is "
+            "needed."
+        )
     penalty = float(np.sqrt(least * largest))
     operator = np.linalg.inv(model.compliance + penalty * np.eye(len(model.compliance)))
     maps = [body.below(model.points, depth) for body in touches(model, TESTS) for depth in body.depths]

@@ -108,7 +108,10 @@ def analysed(plan: TolerancePlan, mean: xr.Dataset, samples: xr.Dataset, notes: 
             f"samples without readings, left out: {unreadable} of {len(readable)} (their reasons are in samples/)",
         ]
     if readable.sum() < FEWEST:
-        raise ComputationError(f"only {readable.sum()} of {len(readable)} samples could be read: {FEWEST} are needed.")
+        raise ComputationError(
+            f"only {readable.sum()} of {len(readable)} samples have readings: {FEWEST} are needed (the reasons are in "
+            "samples/)."
+        )
 
     # Figures of the mean sensor and of the samples, and their derivatives by the laws.
     circuit = plan.batch.circuit

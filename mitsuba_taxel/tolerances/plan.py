@@ -87,12 +87,13 @@ def read_plan(file: Path, exact: int | None = None) -> TolerancePlan:
     file : Path
         Study file.
     exact : int, optional
-        Number of exact samples, instead of ``exact`` in the table.
+        Number of exact samples, whose pads are solved; the others are read from a linear model. It replaces ``exact``
+        of the table.
 
     Raises
     ------
     InputError
-        if it is not such a study, or a distribution exceeds the range of its parameter.
+        if the file has no such table, or a distribution exceeds the range of its parameter.
     """
     content, table = read_study_of("tolerance", file)
     (scene,) = content["scenes"]

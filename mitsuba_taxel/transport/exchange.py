@@ -108,8 +108,8 @@ class Exchange:
         Parameters
         ----------
         above : (N,) ndarray or None
-            Fraction of the surface above the horizon of the start, by which isotropic light is multiplied; None:
-            isotropic light is 0 at points below the horizon.
+            Fraction of the surface at the end of each pair that lies above the horizon, the tangent plane at the start.
+            Isotropic light is multiplied by it. None: isotropic light is 0 at points below the horizon.
 
         Returns
         -------
@@ -156,11 +156,11 @@ class Exchange:
         wider : float
             Factor of the width :data:`HORIZON` over which the step at the horizon is smoothed.
         above : (N,) ndarray or None
-            Fraction of the surface above the horizon of the start, by which isotropic light is multiplied. See
+            Fraction of the surface at the end of each pair that lies above the horizon of the start; see
             :meth:`values`.
         by_leaving : (N,) ndarray or None
-            With ``above``: derivatives of the weighted values with respect to the heights of the ends above the
-            horizons, on which ``above`` depends, per mm.
+            Needed with ``above``, which depends on the heights of the ends above the horizons: derivatives of the
+            weighted values with respect to these heights, per mm.
 
         Returns
         -------

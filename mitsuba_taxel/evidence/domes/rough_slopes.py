@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -112,11 +113,14 @@ _PAGE = """\
 
 For users whose cells have a finish or rough mirrors, and who ask what a slope costs there.
 
+In {most:.0f} CPU seconds, one cell has its mean slope to {worst:.1%} at worst, by light and elements together.
+
 Written by `{command}`; do not edit by hand.
 
 Each row is a study of one cell, or of 3 x 3 cells, over five loads from 0 to -0.83 N per cell. Elements have the
 default size; those of the parallelepiped 0.6 mm. The LED emits 1 W, all walls except the roof absorb, and Lambertian
-roofs reflect 90 %. All errors are relative, and those of the worst taxel.
+roofs reflect 90 %. *Steps of 0.1 mm* are the layers of a printed mould on roof and side; a *rough mirror of 5 degrees*
+is a roof whose normals scatter by 5 degrees (root mean square). All errors are relative, and those of the worst taxel.
 
 {table}
 
@@ -126,9 +130,9 @@ roofs reflect 90 %. All errors are relative, and those of the worst taxel.
   finite elements and facets.
 - **largest slope**: error of the largest slope due to the light and the [curve](theory/derivatives.md) between loads.
 - **CPU s**: CPU time of the study, with the mechanics and all errors.
-- **shared numbers**: error of the mean slope due to the light, if it is the difference of two readings that share their
-  random numbers, with the same number of paths. For cells with a finish, the study uses [paths through material
-  points](theory/derivatives.md#paths-through-material-points) instead.
+- **shared numbers**: for comparison, the error due to the light of a slope that is the difference of two readings with
+  the same random numbers and as many paths. Cells with a finish use [paths through material
+  points](theory/derivatives.md#paths-through-material-points) instead, whose error is in the column *light*.
 """
 
 
@@ -178,4 +182,6 @@ def write_page(rows: Sequence[RoughRow], file: Path, command: str) -> None:
         Command that the page names as its source.
     """
     table = markdown_table(headings(RoughRow), map(cells, rows), headings(RoughRow)[:1])
-    write_text(file, _PAGE.format(command=command, table=table))
+    single = [row for row in rows if row.case not in CASES or CASES[row.case].side == 1]
+    most, worst = max(row.seconds for row in single), max(math.hypot(row.light, row.shape) for row in single)
+    write_text(file, _PAGE.format(command=command, table=table, most=most, worst=worst))

@@ -173,11 +173,11 @@ class MouldWalls:
 
 
 def design() -> Iterator[MouldWalls]:
-    """Experimental design: smooth white roofs and black sides, variations of one factor at a time, and some
-    combinations of extremes.
+    """Cases of the study of printed moulds: a base case with smooth white roofs and black sides, changes of one factor
+    of it at a time, and some combinations of extremes.
 
-    Changes of the assembly are factors, too. All variations are computed for a pad of one cell, and those with the
-    largest effects for whole pads as well.
+    Changes of the assembly, such as dies off centre, are factors, too. All variations are computed for a pad of one
+    cell, and those with the largest effects for whole pads as well.
     """
     smooth = MouldWalls("", pad=CELL)
     every, round_cells = tuple(paper.MEASURED_NORMAL), ("spherical", "hemispheric")

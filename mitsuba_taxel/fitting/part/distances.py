@@ -109,6 +109,6 @@ def _check_rows(what: str, lines: tuple[int, ...], heights: np.ndarray, currents
                 "current in the dark subtracted, are needed."
             )
     if not currents.max() > 0:
-        raise InputError(f"{what} has no current above 0.")
+        raise InputError(f"{what} has no current above 0: a column with the current of the phototransistor is needed.")
     if heights[0] == heights[-1]:
         raise InputError(f"{what} has one distance only: several are needed.")

@@ -188,7 +188,8 @@ class RoofComparison:
     def force_error(self, force: np.ndarray, other: np.ndarray) -> float:
         """Estimated error of the reaction to a prescribed displacement.
 
-        The least relative error applies too: a pad that moves too little under a force resists a displacement too much.
+        As for displacements, it is at least a given fraction of the value: a mesh that moves too little under a force
+        resists a displacement too much.
 
         Parameters
         ----------

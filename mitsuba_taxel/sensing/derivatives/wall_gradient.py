@@ -71,8 +71,8 @@ class WallGradient:
     def along(self, displacement: np.ndarray) -> np.ndarray:
         """Changes of the readings by a small displacement, to first order.
 
-        At rest, points of a flat roof begin to see each other where it bends inwards, and not where it bends outwards:
-        changes are those on the side of the displacement, and not quite additive.
+        At rest, the readings have a kink: points of a flat roof see each other only where it bends inwards. The result
+        is therefore the one-sided derivative in the direction of the displacement, and not exactly linear in it.
 
         Parameters
         ----------

@@ -194,7 +194,11 @@ class Load(Kind, family="load"):
 
     @classmethod
     def of_scene(cls, pad: Any, find: Any, **about: Any) -> Load:
-        """The load from the parameters of a `deformable_pad`; ``find`` returns the path of a named file."""
+        """Create the load from the parameters ``pad`` of a `deformable_pad`.
+
+        ``find`` returns the path of a file that they name. ``about`` has other attributes of the load, such as whether
+        it is given in the frame of the pad.
+        """
         parameters = {name: getattr(pad, cls.prefix + name) for name in cls.own_parameters()}
         return cls(**parameters, **about)
 
