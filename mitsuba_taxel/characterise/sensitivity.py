@@ -58,7 +58,7 @@ def sensitivity(study: xr.Dataset, force: str) -> xr.Dataset:
         raise InputError(f"{force} has no slope in this study: at least two values of it are needed.")
     if len(lines) > 1:
         raise InputError(
-            f"{force} grows along {len(lines)} series of loads, which have several slopes: use sensitivity_table for all."
+            f"{force} grows along {len(lines)} series of loads, with several slopes: use sensitivity_table for all."
         )
     return _slopes_along(study, lines[0], changed_by_shape(study))
 
