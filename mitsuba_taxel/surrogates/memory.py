@@ -91,9 +91,7 @@ class PadMemory:
         self._memory.reshape(len(self._memory), *self._last.shape)[:, pads] = 0.0
 
 
-def checked_step(
-    name: str, values: Any, shape: tuple[int, ...], duration: object
-) -> tuple[np.ndarray, np.ndarray]:
+def checked_step(name: str, values: Any, shape: tuple[int, ...], duration: Any) -> tuple[np.ndarray, np.ndarray]:
     """Check the values of a step.
 
     Parameters
