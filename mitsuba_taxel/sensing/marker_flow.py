@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mitsuba_taxel.base.files.atomic import write_text
+from mitsuba_taxel.pads.block import Block
 from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
 
@@ -67,7 +68,10 @@ class MarkerFlow:
     def as_lists(self) -> dict[str, list[Any]]:
         """The arrays as lists for JSON, with None for NaN."""
         arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: np.where(np.isnan(a), None, a.astype(object)).tolist() for name, a in arrays.items()}
+        return {
+            name: [[None if math.isnan(value) else value for value in row] for row in array.tolist()]
+            for name, array in arrays.items()
+        }
 
     @classmethod
     def of_lists(cls, lists: Mapping[str, list[Any]]) -> MarkerFlow:
@@ -152,7 +156,7 @@ def _at_markers(pad: PadShape) -> tuple[np.ndarray, np.ndarray]:
     corners = pad.surface.triangles[pad.surface.region == REGIONS["top"]]
     own = np.einsum("vi,ij->vj", rest - shift, np.linalg.inv(turn).T)[corners][:, :, :2]  # x and y in the pad
     markers = pad.specification.build_markers()
-    assert markers is not None
+    assert markers is not None and isinstance(pad.pad, Block)
     places, displacements = [], []
     inverse = np.linalg.inv(np.stack([own[:, 1] - own[:, 0], own[:, 2] - own[:, 0]], axis=-1))
     for centre in markers.centres(pad.pad):

@@ -178,7 +178,7 @@ def _render_image(description, target_error, points, seed, difference, output, a
         tables.say(f"Image of {width} x {height} pixels: {file}, {picture}")
         tables.say(f"The coat fills {image.coat.mean():.1%} of it.")
         tables.say(f"Relative error of a pixel (root mean square): {errors}; light from {count}.")
-        if table is not None:
+        if image.markers is not None:
             tables.say(f"Flow of {len(image.markers.pixel)} markers: {table}")
         for note in image.notes:
             tables.say(f"{note[0].upper()}{note[1:]}.")

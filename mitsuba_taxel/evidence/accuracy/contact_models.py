@@ -158,4 +158,5 @@ def _forms(model: ContactModel, folder: Path) -> Iterator[tuple[str, Callable[[n
 
         write_contact_model(model, folder / "pad.py")
         read = jax.jit(runpy.run_path(str(folder / "pad.py"))["read"])
-        yield f"JAX, {'double' if jax.config.jax_enable_x64 else 'single'}", lambda maps: read(maps).force
+        precision = "double" if jax.config.read("jax_enable_x64") else "single"
+        yield f"JAX, {precision}", lambda maps: read(maps).force

@@ -123,6 +123,9 @@ def place_of(centred: np.ndarray, measured_map: np.ndarray, taxel: int) -> tuple
         factor = np.where(squared < NEAR**2, np.exp(growth), np.exp(growth[taxel - 1]))
         return centred.ravel() * factor / factor[taxel - 1]
 
-    place = least_squares(lambda at: (shifted(at) - measured_map.ravel())[near], np.zeros(2), x_scale=0.1).x
+    def residuals(place: np.ndarray) -> np.ndarray:
+        return (shifted(place) - measured_map.ravel())[near]
+
+    place = least_squares(residuals, np.zeros(2), x_scale=0.1).x
     place = np.round(place, 2)
     return place, shifted(place).reshape(centred.shape)
