@@ -186,7 +186,9 @@ def camera_image(
         mechanics = _relative_error(radiance, mechanics_error, view.coat)
         target = math.sqrt(target_error**2 - mechanics**2) if mechanics < target_error else target_error
         if error > target:
-            count, run = min(power_of_four(math.ceil(count * (error / target) ** 2)), MOST_SAMPLES), 1
+            # A multiple of the pilot's samples, or a power of four, whose points are more even.
+            more = (error / target) ** 2
+            count, run = min(count * math.ceil(more), power_of_four(math.ceil(count * more)), MOST_SAMPLES), 1
             images = _replicates(live, view.camera, count, seed, run, progress)
     # Pixels at the border of the coat show what is beside it as well.
     padded = np.pad(view.coat, 1)
@@ -249,7 +251,9 @@ def _replicates(
 
     width, height = map(int, camera.film().crop_size())
     # Parts of a power of four: `ldsampler` and `multijitter` would round other numbers.
-    at_once = min(samples, power_of_four(1 + max(1, PATHS_AT_ONCE // (width * height))) // 4)
+    most, at_once = max(1, PATHS_AT_ONCE // (width * height)), 1
+    while 4 * at_once <= most and samples % (4 * at_once) == 0:
+        at_once *= 4
     parts = samples // at_once
     seeds = np.random.SeedSequence([seed, run]).generate_state(REPLICATES * parts).reshape(REPLICATES, parts)
     images = []

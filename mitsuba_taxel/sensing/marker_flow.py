@@ -67,11 +67,13 @@ class MarkerFlow:
 
     def as_lists(self) -> dict[str, list[Any]]:
         """The arrays as lists for JSON, with None for NaN."""
-        arrays = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {
-            name: [[None if math.isnan(value) else value for value in row] for row in array.tolist()]
-            for name, array in arrays.items()
-        }
+        arrays: dict[str, np.ndarray] = {field.name: getattr(self, field.name) for field in fields(self)}
+        lists = {}
+        for name, values in arrays.items():
+            known = values.astype(object)
+            known[np.isnan(values)] = None
+            lists[name] = known.tolist()
+        return lists
 
     @classmethod
     def of_lists(cls, lists: Mapping[str, list[Any]]) -> MarkerFlow:
@@ -156,7 +158,7 @@ def _at_markers(pad: PadShape) -> tuple[np.ndarray, np.ndarray]:
     corners = pad.surface.triangles[pad.surface.region == REGIONS["top"]]
     own = np.einsum("vi,ij->vj", rest - shift, np.linalg.inv(turn).T)[corners][:, :, :2]  # x and y in the pad
     markers = pad.specification.build_markers()
-    assert markers is not None and isinstance(pad.pad, Block)
+    assert markers is not None and isinstance(pad.pad, Block)  # others have no markers
     places, displacements = [], []
     inverse = np.linalg.inv(np.stack([own[:, 1] - own[:, 0], own[:, 2] - own[:, 0]], axis=-1))
     for centre in markers.centres(pad.pad):

@@ -479,10 +479,11 @@ def _paint(markers: Markers, block: Block, walls: list[mi.BSDF]) -> None:
     """Paint markers onto the coat of a block."""
     if not (walls and is_region(walls[0]) and "top" in walls[0].walls):
         raise InputError("markers are not allowed without a coat: a region BSDF with a top is needed.")
+    regions: Any = walls[0]
     weight = {"type": "bitmap", "bitmap": mi.Bitmap(markers.map_on(block)[..., None]), "raw": True}
     dark = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": MARKER_REFLECTANCE}}
-    parts = {"weight": weight | {"wrap_mode": "clamp"}, "coat": walls[0].walls["top"], "markers": dark}
-    walls[0].walls["top"] = mi.load_dict({"type": "blendbsdf", **parts})
+    parts = {"weight": weight | {"wrap_mode": "clamp"}, "coat": regions.walls["top"], "markers": dark}
+    regions.walls["top"] = mi.load_dict({"type": "blendbsdf", **parts})
 
 
 @kept(4)  # the pads of a study share their mesh

@@ -178,8 +178,8 @@ def _render_image(description, target_error, points, seed, difference, output, a
         tables.say(f"Image of {width} x {height} pixels: {file}, {picture}")
         tables.say(f"The coat fills {image.coat.mean():.1%} of it.")
         tables.say(f"Relative error of a pixel (root mean square): {errors}; light from {count}.")
-        if image.markers is not None:
-            tables.say(f"Flow of {len(image.markers.pixel)} markers: {table}")
+        if table is not None:
+            tables.say(f"Flow of the markers: {table}")
         for note in image.notes:
             tables.say(f"{note[0].upper()}{note[1:]}.")
     if target_error is not None and not image.relative_total_error <= target_error:
