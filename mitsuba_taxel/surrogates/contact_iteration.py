@@ -36,7 +36,7 @@ class Iteration(NamedTuple):
         Inverse of compliance + penalty, N/mm.
     penalty : float
         Penalty in mm/N.
-    iterations : int
+    most : int
         Number of iterations that are allowed.
     difference : float
         Largest difference of the forces from those of `contact_forces` on the bodies of the test, relative to the
@@ -45,7 +45,7 @@ class Iteration(NamedTuple):
 
     operator: np.ndarray
     penalty: float
-    iterations: int
+    most: int
     difference: float
 
 

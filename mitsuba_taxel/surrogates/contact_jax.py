@@ -48,7 +48,7 @@ def jax_of_contact(model: ContactModel, arrays: Mapping[str, Any], about: Mappin
         "stiffness": np.linalg.inv(model.compliance),
         "operator": iteration.operator,
         "penalty": np.array(iteration.penalty),
-        "count": np.array(iteration.iterations),
+        "count": np.array(iteration.most),
     }
     packed = io.BytesIO()
     np.savez_compressed(packed, **stored)

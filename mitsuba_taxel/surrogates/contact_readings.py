@@ -75,7 +75,7 @@ class SecondOrder(NamedTuple):
         force times the mean compliance over this height.
     force : (4,) ndarray
         Coefficients of 1, the greatest depth and the square root of the area of contact over the height of the pad, and
-        the mean square distance of the forces from the middle of the top over the square of this height.
+        this depth times the mean square distance of the forces from the middle of the top, over the cube of the height.
     side : float
         Ratio of the tangential force to that of the slope of the bodies.
     """
@@ -231,7 +231,7 @@ class ContactModel(Displayed):
         if self.second is not None:
             # Forces of the linear model, of which these are a multiple, which is the root of a quadratic equation.
             features = self.force_features(forces, deepest)
-            by_depth = self.second.force[1] * features[:, 1]
+            by_depth = features[:, [1, 3]] @ self.second.force[[1, 3]]
             half = 0.5 * (1 + features @ self.second.force - by_depth)
             square = half**2 + by_depth
             ratio = half + np.sqrt(np.where(square >= 0, square, np.nan))
@@ -288,7 +288,8 @@ class ContactModel(Displayed):
         squares = forces @ (points**2).sum(axis=1)
         apart = np.divide(squares, total, out=np.zeros_like(total), where=total != 0) / self.height**2
         wide = np.sqrt(self.size[0] * self.size[1] * np.count_nonzero(forces > 0, axis=1)) / self.height
-        return np.stack([np.ones_like(total), np.maximum(deepest, 0.0) / self.height, wide, apart], axis=1)
+        deep = np.maximum(deepest, 0.0) / self.height
+        return np.stack([np.ones_like(total), deep, wide, deep * apart], axis=1)
 
     def reading_features(self, change: np.ndarray, total: np.ndarray, deepest: np.ndarray) -> np.ndarray:
         """Features by which changes of readings differ from the linear ones along the same forces.

@@ -1,7 +1,7 @@
 """Second-order terms of a contact model, fitted to full solutions, with the error of the model on bodies that were left
 out.
 
-A force F becomes F' = F (1 + c0 + c1 d + c2 r + c3 s), and relative to the reading at rest, its linear change l' along
+A force F becomes F' = F (1 + c0 + c1 d + c2 r + c3 d s). Relative to the reading at rest, the linear change l' along
 these forces becomes l' (1 + b0 + b1 l' + b2 d + b3 e): d is the greatest depth and r the square root of the contact
 area, both relative to the height of the pad; s is the mean square distance of the forces from the middle of the top,
 relative to the square of the height; and e is F' times the mean compliance, relative to the height. The change of a

@@ -42,7 +42,7 @@ def made_up(model, count, reading, force, noise=0.0):
             deep, total = maps.max() / model.height, pressed.sum()
             apart = (pressed * (model.points.reshape(-1, 3)[:, :2] ** 2).sum(axis=1)).sum() / total / model.height**2
             wide = np.sqrt(linear.area[0]) / model.height
-            ratio = 1 + np.dot(force, [1, deep, wide, apart])
+            ratio = 1 + np.dot(force, [1, deep, wide, deep * apart])
             change = (linear.power - model.rest)[0] * ratio
             strain = ratio * total * model.compliance.mean() / model.height
             changed = change * (1 + np.dot(np.stack([1 + 0 * change, change / model.rest, deep + 0 * change,

@@ -67,9 +67,9 @@ def test_the_iteration_finds_the_forces_of_the_pivots():
     for model in (linear_model(), cut()):
         iteration = iteration_of(model)
         depth = maps_of(model)[8:, model.covered]
-        forces, count = iterated_forces(iteration.operator, iteration.penalty, depth, iteration.iterations)
+        forces, count = iterated_forces(iteration.operator, iteration.penalty, depth, iteration.most)
         expected = contact_forces(model.compliance, depth)
-        assert count <= iteration.iterations and iteration.difference < 1e-8
+        assert count <= iteration.most and iteration.difference < 1e-8
         np.testing.assert_allclose(forces, expected, rtol=0, atol=1e-8 * expected.max())
 
 
@@ -108,7 +108,7 @@ def test_onnx_flags_contact_that_it_has_not_solved(tmp_path, monkeypatch):
     pytest.importorskip("onnx")
     onnxruntime = pytest.importorskip("onnxruntime")
     model, chosen = learnt(), iteration_of(learnt())
-    monkeypatch.setattr(contact_onnx, "iteration_of", lambda model: chosen._replace(iterations=3))
+    monkeypatch.setattr(contact_onnx, "iteration_of", lambda model: chosen._replace(most=3))
     write_contact_model(model, tmp_path / "pad.onnx")
     session = onnxruntime.InferenceSession(tmp_path / "pad.onnx", providers=["CPUExecutionProvider"])
     power, status = session.run(["power", "status"], {"depth": maps_of(model)[[0, 1, 7]]})
