@@ -45,7 +45,7 @@ UNITS = {
     "places": "mm, lowest and highest centre of pressure, x and y",
     "lateral": "mm/N, mean displacement of a covered patch along x and y by a force on each",
     "second_reading": "1, of a constant, the relative change, depth over height, and force by mean compliance over it",
-    "second_force": "1, of a constant, depth over height, root of the area over it, and depth by distance² over its cube",
+    "second_force": "1, of a constant, depth over height, root of area over it, and depth by distance² over its cube",
     "second_side": "1, ratio of the tangential force to that of the slope of bodies",
 }
 """Arrays of a file, with their units."""
