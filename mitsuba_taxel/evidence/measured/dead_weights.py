@@ -75,9 +75,9 @@ def _computed(store: PaperStudies, height: float, modulus: float) -> xr.Dataset:
         changes = readings.replicates / at_rest.replicates.mean(axis=0) - at_rest.replicates / at_rest.power
         mesh = np.nan if readings.deviation is None else readings.deviation / at_rest.power
         error = np.hypot(standard_error(changes), mesh)
-        tilt = np.linalg.norm(motion.rotation)
-        rows.append((-motion.displacement[2], moved[2], tilt, np.linalg.norm(turned), changes.mean(axis=0), error))
-    sinking, sinking_error, tilts, tilt_error, change, change_error = map(np.array, zip(*rows, strict=True))
+        angle = np.linalg.norm(motion.rotation)
+        rows.append((-motion.displacement[2], moved[2], angle, np.linalg.norm(turned), changes.mean(axis=0), error))
+    sinking, sinking_error, tilt, tilt_error, change, change_error = map(np.array, zip(*rows, strict=True))
     force, x, y = np.array(PLACES).T
     return xr.Dataset(
         {

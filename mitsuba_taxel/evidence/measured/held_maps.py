@@ -126,6 +126,5 @@ def place_of(centred: np.ndarray, measured_map: np.ndarray, taxel: int) -> tuple
     def residuals(place: np.ndarray) -> np.ndarray:
         return (shifted(place) - measured_map.ravel())[near]
 
-    place = least_squares(residuals, np.zeros(2), x_scale=0.1).x
-    place = np.round(place, 2)
+    place = np.round(least_squares(residuals, np.zeros(2), x_scale=0.1).x, 2)
     return place, shifted(place).reshape(centred.shape)

@@ -162,16 +162,16 @@ def fit_material(
 
 
 def fit_class(law: type[Material], uniaxial: Sequence[str | Path] = (), **tests: Any) -> MaterialFit:
-    """Fit the laws of a class: all laws for `Material`, otherwise the law itself.
+    """Fit the laws of a class: all laws for `Material`, else the one law; see `Material.fit`.
 
     Parameters
     ----------
     law : type[Material]
-        Class of the law, or `Material`.
+        `Material`, or the class of a law.
     uniaxial : sequence of str or Path
-        Tables of uniaxial tests; compression is negative.
+        Tables of uniaxial tests.
     **tests : Any
-        Other tests and settings, as for `fit_material`.
+        Other tests and settings of `fit_material`.
 
     Returns
     -------
@@ -181,7 +181,7 @@ def fit_class(law: type[Material], uniaxial: Sequence[str | Path] = (), **tests:
     Raises
     ------
     InputError
-        if a table is refused, or the law cannot be fitted.
+        as `fit_material`.
     """
     own = vars(law).get("name", law.__name__)  # a subclass of a law inherits its name, but is another law
     return fit_material(uniaxial, law=None if law is Material else own, **tests)
