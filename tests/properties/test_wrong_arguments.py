@@ -63,7 +63,7 @@ from mitsuba_taxel import (
 pytestmark = pytest.mark.usefixtures("mechanics_error_unknown")
 
 WITHOUT_ARGUMENTS = {"InputError", "ComputationError", "PlateDisplacement", "PlateForce", "Pressure", "SpreadForce"}
-NOT_FOR_CALLERS = {"Readings", "DeadForce", "IndenterShape"}
+NOT_FOR_CALLERS = {"Readings", "DeadForce", "IndenterShape", "Material"}
 JUNK = [
     None, 3, -1, 1.5, float("nan"), 10**400, True, "", "x", "a\0b", "y" * 5000, b"x", [], ["a", "b"], [[1, 2], [3]],
     {"a": 1}, {1: 2}, (None, None, None), {1, 2}, object(), int, Path("nowhere"), np.array([1.0, 2.0]), np.array(3.0),
