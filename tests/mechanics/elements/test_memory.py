@@ -6,7 +6,9 @@ import math
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+import scipy.sparse as sparse
 
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.mechanics import NeoHookean, linearise, load_path
@@ -127,6 +129,21 @@ except MemoryError as error:
     assert done.returncode == 0, done.stderr[-300:]
     if "GB are free" not in done.stdout:
         assert megabytes > 120 and float(done.stdout) < 1e-9
+
+
+@pytest.mark.parametrize("limited", [False, True])
+def test_one_thread_analyses_a_matrix_under_a_limit(limited, monkeypatch):
+    """Each reserves a stack; the factor does not depend on their number."""
+    rslab = pytest.importorskip("rslab")
+    seen, analyse = [], rslab.analyze
+    monkeypatch.setattr(rslab, "analyze", lambda *given, **chosen: seen.append(chosen) or analyse(*given, **chosen))
+    monkeypatch.setattr(solvers, "is_limited", lambda: limited)
+    size = 31 + limited  # patterns of small matrices are kept
+    full = np.diag(np.where(np.arange(size) % 3, 4.0, -4.0)) + np.eye(size, k=1) + np.eye(size, k=-1)
+    factor = solvers.Rslab().factor(sparse.csc_matrix(np.tril(full)))
+    assert [settings.get("threads") for settings in seen] == [1 if limited else None]
+    assert factor.negative_pivots == np.count_nonzero(np.linalg.eigvalsh(full) < 0)
+    np.testing.assert_allclose(full @ factor.solve(np.ones(size)), 1.0, rtol=1e-12)
 
 
 def test_a_stated_need_is_what_a_factor_takes():
