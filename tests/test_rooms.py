@@ -26,7 +26,7 @@ TOGETHER = {
     "optimum": {"thin_roof"},
     "pads": {"blunt_edges", "file_meshing"},
     "plugins": {"led_on_rectangle"},
-    "sensing": {"coat_normals", "finish", "image_errors", "prints", "touch_maps"},
+    "sensing": {"coat_normals", "finish", "image_errors", "own_coat", "prints", "touch_maps"},
     "surrogates": {"contact_forms"},
 }  # fmt: skip
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""
