@@ -83,7 +83,7 @@ def _computed(store: PaperStudies, height: float, modulus: float) -> xr.Dataset:
         {
             "sinking": ("place", sinking, {"units": "mm"}),
             "sinking_error": ("place", sinking_error, {"units": "mm"}),
-            "tilt": ("place", tilts, {"units": "degree"}),
+            "tilt": ("place", tilt, {"units": "degree"}),
             "tilt_error": ("place", tilt_error, {"units": "degree"}),
             "change": (("place", "taxel"), change),
             "change_error": (("place", "taxel"), change_error),
