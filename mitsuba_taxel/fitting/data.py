@@ -78,7 +78,10 @@ def read_data(file: Path, parameters: Collection[str] = ()) -> MeasuredData:
         if match is None:
             name, words = as_parameter(column)
             if not name or name in settings or not all(words):
-                raise InputError(f"{label}, column {column.heading!r}: a distinct name and a value per row are needed.")
+                raise InputError(
+                    f"{label}, column {column.heading!r}: a value in each row, and a name that no other column has, "
+                    "are needed."
+                )
             settings[name] = words
             if name in FORCES and (numbers := as_numbers(words)):
                 ask_for_grams(label, column, np.array(numbers))

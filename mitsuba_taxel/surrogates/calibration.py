@@ -43,7 +43,8 @@ MOST_TERMS = 300
 class Calibration(NamedTuple):
     """Result of :func:`calibrate`: a polynomial from readings to quantities, with prediction intervals.
 
-    Quantities are components of the force, the depth of a displacement, or the position of the contact.
+    Quantities are components of the force, the depth of a displacement, or the position of the contact. A path is one
+    series of loads of the study or the measurement; whole paths are left out in turn to test the intervals.
 
     Attributes
     ----------
@@ -63,13 +64,13 @@ class Calibration(NamedTuple):
     noise : float
         Relative standard deviation of the noise added to the light; NaN for a measurement, which has its own noise.
     tested : str
-        A description of the test.
+        Sentence on which paths were left out, and how.
     saturated : str
         A note on saturated readings of a study with a circuit; empty if there is none.
     units : tuple[str, ...]
         Units of the quantities, N or mm.
     paths : int
-        Number of paths.
+        Number of paths of loads.
     needed : int
         Least number of paths with which intervals are valid for any distribution of the errors. With fewer paths, they
         are valid for normally distributed errors.

@@ -65,10 +65,13 @@ def export_contact(
     """Write a contact model of a scene's pad, for bodies of any shape, with its error on bodies that were left out of
     its fit.
 
-    The linear model is that of :func:`contact_model`. Second-order terms are fitted to full solutions (finite elements
-    and light) of balls and rods at positions and depths within its range. More bodies are solved until the readings of
-    left-out bodies are predicted to ``error``. Solved states are stored in a file beside the model, so that the same
-    call resumes an interrupted run.
+    The model predicts readings and forces from the depth of a body below the top, which is divided into a grid of
+    rectangles (patches), each with one force and one mean displacement.
+
+    The linear model is that of :func:`contact_model`. Second-order terms are fitted to full solutions (finite
+    elements and light) of balls and rods at positions and depths within its range. More bodies are solved until the
+    readings of left-out bodies are predicted to ``error``. Solved states are stored in a file beside the model, so
+    that the same call resumes an interrupted run.
 
     Parameters
     ----------

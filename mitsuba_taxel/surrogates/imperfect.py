@@ -87,12 +87,12 @@ def read_spread(folder: str | Path) -> PadSpread:
 
 
 class ImperfectReadings(NamedTuple):
-    """Readings of B pads with T taxels.
+    """Readings of B pads with T taxels at one time, with the imperfections of `ImperfectPads`.
 
     Attributes
     ----------
     power : (B, T) ndarray
-        Optical powers in W; NaN where those of the model are not known.
+        Optical powers in W with memory, spread and dead taxels; NaN where the powers that were given are NaN.
     voltage : (B, T) ndarray or None
         Voltage before the converter in V, with latency and noise; None without a circuit.
     counts : (B, T) ndarray of int or None

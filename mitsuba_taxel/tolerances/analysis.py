@@ -35,19 +35,24 @@ class Tolerance:
 
     A sample is a sensor with random values of the parameters. An exact sample is computed by mechanics and light; the
     other samples get a linear estimate from the derivatives at the mean of all parameters. A factor scales several
-    parameters.
+    parameters. A polynomial in the parameters is fitted to the samples, and Sobol' indices are computed from it.
+
+    Figures of merit are ``rest``, the reading without a load; ``sensitivity``, its slope over the force; with a circuit
+    ``noise_force``, the force that changes the reading by its noise, and ``saturation_force``, at which the circuit
+    saturates; and ``crosstalk``, the relative change of a reading divided by that of
+    the loaded taxel.
 
     Attributes
     ----------
     spread : DataFrame
-        One row per figure of merit (``rest``, ``sensitivity``, with a circuit ``noise_force`` and ``saturation_force``,
-        and ``crosstalk``) and taxel. Columns: ``unit``; ``nominal``, the value with all parameters at their mean, and
-        ``nominal_error``, its standard error due to light, mechanics and geometry, NaN if unknown; ``mean``, ``sd``
-        (standard deviation), ``low`` and ``high`` (5 and 95 % quantile) of the samples, each with its standard error,
-        such as ``mean_error``; ``linear_sd``, the standard deviation from derivatives; ``linear_error``, the root mean
-        square error of the linear estimates of the samples, relative to ``sd``, NaN if ``sd`` is 0; ``explained``, the
-        cross-validated fraction of the variance that is predicted by the polynomial from which the indices follow. If
-        only some samples are exact: ``mean``, ``sd``, ``low`` and ``high`` are those of the linear estimates of all
+        One row per figure of merit and taxel. Columns: ``unit``; ``nominal``, the value with all parameters at their
+        mean, and ``nominal_error``, its standard error due to light, mechanics and geometry, NaN if unknown; ``mean``,
+        ``sd`` (standard deviation), ``low`` and ``high`` (5 and 95 % quantile) of the samples, each with its standard
+        error, such as ``mean_error``; ``linear_sd``, the standard deviation from derivatives; ``linear_error``, the
+        root mean square error of the linear estimates of the samples, relative to ``sd``, NaN if ``sd`` is 0;
+        ``explained``, the cross-validated fraction of the variance that the polynomial predicts.
+
+        If only some samples are exact: ``mean``, ``sd``, ``low`` and ``high`` are those of the linear estimates of all
         samples, corrected by the exact samples; ``linear_error`` and ``explained`` are those of the exact samples; and
         ``linear_explained`` is the fraction of the variance of the exact samples that their linear estimates explain.
     shares : DataFrame

@@ -140,7 +140,8 @@ class State(Displayed):
     memory : ViscoelasticMemory or None
         Memory of a silicone that is viscoelastic or has Mullins' effect: its time, stress, and their errors.
     traction : (2 N, 3) ndarray
-        Traction of an indenter's friction in MPa, at each node of the top, then of the outside; (0, 3) without it.
+        Traction of an indenter's friction in MPa at all N nodes: first as nodes of the top, then as nodes of the
+        outside (top and lateral faces); 0 at nodes of neither. (0, 3) without friction.
     indenter_moved : (3,) ndarray or None
         Displacement of an indenter from its start, in mm; None without an indenter.
     bodies : RigidBodies or None

@@ -31,8 +31,8 @@ class Reactions:
     force : (3,) ndarray
         Force of the board on the pad, in N.
     moment : (3,) ndarray
-        Moment, in N mm, of the board's forces on the deformed pad, and of the linear law at its feet, which resists
-        large rotations.
+        Moment, in N mm, of the board's forces on the deformed pad. It includes the moment of the linear elastic law
+        at the lower corners of the pad's walls, which, unlike other laws, resists large rotations.
     applied_force : (3,) ndarray
         Force of the load, in N; for a prescribed displacement, that of the plate or the indenter.
     applied_moment : (3,) ndarray
@@ -41,8 +41,8 @@ class Reactions:
     size : float
         Largest distance from the origin in the undeformed pad, in mm.
     kept : float
-        Sum of the magnitudes of the board's nodal forces, in N, for a viscoelastic silicone, which may have residual
-        stress without a load; 0 for others.
+        Force in N to which the balance is also compared, as a viscoelastic silicone may have residual stress without a
+        load: the sum of the magnitudes of the board's nodal forces. 0 for other silicones.
     state : State
         The deformed pad.
     """

@@ -470,10 +470,12 @@ class CellShape(Kind, family="cell"):
 
     @abstractmethod
     def view_angles(self) -> np.ndarray:
-        """Angles between the roof and rays to it from the middle of the mouth.
+        """Angles, at N points of the roof, between its surface and the rays to them from the middle of the mouth.
+
+        An angle of 0 or less means that the ray does not reach the point from inside the cell.
 
         Returns
         -------
         (N,) ndarray
-            Angles in degrees; empty for shapes whose angles are always positive.
+            Angles in degrees; empty for shapes whose whole roof is always seen from there.
         """

@@ -249,7 +249,10 @@ def _read(raw: dict[str, np.ndarray], survey: Survey) -> tuple[VolumeMesh, np.nd
     face = np.empty(len(faces), dtype=int)
     named = np.searchsorted(np.unique(corners), raw["faces"][:, :3].astype(np.int64) - 1)
     if len(named) != len(faces):
-        raise ComputationError("meshing the pad failed: its surface is not closed; choose another mesh_size.")
+        raise ComputationError(
+            "meshing the pad failed: the triangles on its faces do not close. Choose another mesh_size; if that does "
+            "not help, check that the file is a closed solid."
+        )
     face[_by_corners(faces[:, :3])] = raw["face"][_by_corners(named)]
     region = np.where(face < 0, PLANE, survey.region[face])
     return VolumeMesh(points, tets, faces, region, np.where(face < 0, 0, survey.cell[face])), face

@@ -221,7 +221,9 @@ class Pad(Kinded, Displayed):
         return replace(self, **follows | dimensions)
 
     def as_profile(self, points: int = 4) -> Pad:
-        """The same pad with its cells given by a profile; parallelepipeds have a square section.
+        """The same pad with the outline of its cells given by control points, as a cell ``profile``.
+
+        Horizontal sections of parallelepipeds stay square, those of other cells round.
 
         Parameters
         ----------

@@ -183,8 +183,17 @@ class Load(Kind, family="load"):
 
     @classmethod
     def why_no_first_contact(cls, change: np.ndarray) -> str:
-        """Reason why the load at which the pad first touches something cannot be computed for this direction of load;
-        empty if it can.
+        """Reason why the load at which the pad first touches itself, the board or a package cannot be computed.
+
+        Parameters
+        ----------
+        change : (n,) ndarray
+            Direction in which the n components of the load grow.
+
+        Returns
+        -------
+        str
+            The reason; empty if the load can be computed.
         """
         return ""
 
