@@ -156,7 +156,7 @@ class DeformablePad(Specification, Kinded):
         "Mullins' effect by the law of Ogden and Roxburgh: the numbers r, m in MPa and beta, such as 2 0.02 0.1. A "
         "silicone that was strained before is softer up to that strain; the earlier strains are those of `history`. "
         "All constants of the material are those of the first loading. It is not modelled together with `prony`.",
-        default_words="none",
+        default_words="none, or that of the material's file",
     )
     history: str = text(
         "",
@@ -323,9 +323,10 @@ class DeformablePad(Specification, Kinded):
         self.build_markers()
         terms, (times, values), mullins = self.build_prony(), self.build_history(), self.build_mullins()
         if terms and mullins:
+            given = "" if self.mullins.strip() else f" (of {self.material})"
             raise InputError(
-                f"mullins = {' '.join(f'{c:g}' for c in mullins.constants)!r} is not allowed with viscoelasticity, "
-                "prony: only one of both is modelled."
+                f"mullins = {' '.join(f'{c:g}' for c in mullins.constants)!r}{given} is not allowed with "
+                "viscoelasticity, prony: only one of both is modelled."
             )
         if self.rate is not None and self.time:
             raise InputError(f"time = {self.time:g} and rate = {self.rate:g} exclude each other: leave one out.")

@@ -289,6 +289,24 @@ def read_contact_model(file: str | Path) -> ContactModel:
         raise InputError(f"{path} is no complete model of contact: export it again.") from error
 
 
+def origin_of(file: Path) -> dict[str, Any]:
+    """Name and parameters of the scene of a contact model's file, as far as it has them.
+
+    Parameters
+    ----------
+    file : Path
+        An ``.npz`` file that `read_contact_model` has read.
+
+    Returns
+    -------
+    dict
+        Entries for ``about`` of `write_contact_model`.
+    """
+    with np.load(file, allow_pickle=False) as content:
+        about = json.loads(str(content["about"]))
+    return {name: about[name] for name in ("scene", "parameters") if name in about}
+
+
 def _model_file(file: str | Path) -> Path:
     """The output file; raises `InputError` for another ending."""
     path = path_of("file", file)

@@ -42,7 +42,7 @@ def depth_maps(
     radius : float or (K,) array_like
         Radius of curvature of the body at each contact in mm.
     normals : (K, 3) array_like, optional
-        Unit vectors from the body into the pad; by default straight down. They must point down.
+        Unit vectors from the body into the pad; by default straight down.
     pad : (K,) array_like of int, optional
         Number of the pad of each contact, from 0; by default, all are on the first.
     pads : int
@@ -51,12 +51,13 @@ def depth_maps(
     Returns
     -------
     (pads, rows, columns) ndarray
-        Depths in mm; -1 where there is no body. NaN in the map of a pad with a contact that has a NaN.
+        Depths in mm; -1 where there is no body. NaN in the map of a pad with a contact that has a NaN, or whose normal
+        does not point down: it is not on the top.
 
     Raises
     ------
     InputError
-        if shapes do not agree, a radius is not above 0, or a normal is not a unit vector that points down.
+        if shapes do not agree, a radius is not above 0, or a normal is not a unit vector.
     """
     places = _vectors("points", points)
     count = len(places)
@@ -68,8 +69,9 @@ def depth_maps(
     if not ((radii > 0) & np.isfinite(radii)).all():
         raise refusal("radius", radius, "finite lengths in mm above 0 are needed")
     known = np.isfinite(down).all(axis=1)
-    if not ((np.abs(np.linalg.norm(down, axis=1) - 1) < UNIT) & (down[:, 2] < 0))[known].all():
-        raise InputError("normals must be unit vectors that point down, from the body into the pad.")
+    if not (np.abs(np.linalg.norm(down, axis=1) - 1) < UNIT)[known].all():
+        raise InputError("normals must be unit vectors, from the body into the pad.")
+    depth = np.where(down[:, 2] < 0, depth, np.nan)  # not on the top
 
     # The deepest point of each ball lies half the depth below the place of its contact.
     centres = places + (0.5 * depth - radii)[:, None] * down
@@ -144,11 +146,12 @@ def _hats(place: float, count: int) -> np.ndarray:
 
 
 def _vectors(name: str, values: Any) -> np.ndarray:
-    """An array (K, 3); raises `InputError`."""
+    """An array (K, 3), (0, 3) from an empty list; raises `InputError`."""
     try:
         array = np.asarray(values, dtype=float)
+        array = array.reshape(0, 3) if array.shape == (0,) else array
     except (TypeError, ValueError):
-        array = np.zeros(0)
+        array = np.zeros((0, 0))
     if array.ndim != 2 or array.shape[1] != 3:
         raise InputError(f"{name} of shape {np.shape(values)} is not allowed: rows of x, y, z are needed.")
     return array
@@ -169,9 +172,10 @@ def _numbers(name: str, values: Any, count: int) -> np.ndarray:
 def _pads(pad: Any, pads: int, count: int) -> np.ndarray:
     """Numbers (K,) of pads; raises `InputError`."""
     require("pads", pads, int, "a whole number")
-    numbers = np.zeros(count, dtype=int) if pad is None else np.asarray(pad)
+    numbers = np.zeros(count, dtype=int) if pad is None or np.shape(pad) == (count,) == (0,) else np.asarray(pad)
     if pads < 1 or numbers.shape != (count,) or numbers.dtype.kind not in "iu":
         raise InputError(f"pad of shape {np.shape(pad)} is not allowed: a whole number for each of {count} points.")
     if count and not (0 <= numbers.min() and numbers.max() < pads):
-        raise refusal("pad", int(numbers.max()), f"numbers from 0 to {pads - 1} are needed")
+        wrong = numbers[(numbers < 0) | (numbers >= pads)]
+        raise refusal("pad", int(wrong[0]), f"numbers from 0 to {pads - 1} are needed")
     return numbers

@@ -96,7 +96,7 @@ class LearntErrors(NamedTuple):
         Error of the readings, relative to the largest change of the taxel: root mean square for the worst taxel, and
         the largest of all.
     force_rms, force_worst : float
-        Error of the force vector, relative to the largest force. Its tangential part is not modelled.
+        Error of the force vector, relative to the largest force. Its tangential part is that of the body's slope.
     moment_rms : float
         Error of the moments about x and y in N mm.
     force_full_scale : float

@@ -27,6 +27,8 @@ from mitsuba_taxel.surrogates.memory import PadMemory, checked_step
 
 UNKNOWN_COUNTS = -1
 """Counts of a pad whose reading is not known."""
+LEAST_NOMINAL = 1.0
+"""Least nominal value of a taxel, relative to its standard deviation, for which factors of it have a meaning."""
 FILTERED = ("shot", "thermal")
 """Sources of white noise before the low pass; those after it are independent from sample to sample."""
 
@@ -67,22 +69,36 @@ def read_spread(folder: str | Path) -> PadSpread:
     import pandas
 
     folder = path_of("folder", folder)
+    ratios = []
     try:
         spread, samples = (pandas.read_csv(folder / f"{name}.csv") for name in ("spread", "samples"))
+        if "exact" in samples:
+            samples = samples[samples.exact]
+        for figure, unit in (("rest", "W"), ("sensitivity", "W/N")):
+            rows = spread[spread.figure == figure].sort_values("taxel")
+            if not len(rows) or set(rows.unit) != {unit}:
+                raise InputError(
+                    f"the study in {folder} has no {figure} in {unit}: a study over force, without a circuit, is "
+                    "needed."
+                )
+            values = np.stack([samples[f"{figure}_{taxel}"] for taxel in rows.taxel], axis=1)
+            ratios.append(values / rows.nominal.to_numpy())
+            unlike = np.abs(rows.nominal.to_numpy()) < LEAST_NOMINAL * np.nanstd(values, axis=0)
+            if unlike.any():
+                taxels = ", ".join(map(str, rows.taxel[unlike]))
+                raise InputError(
+                    f"the nominal {figure} of taxel {taxels} in {folder} is smaller than its spread, which no factor "
+                    "describes."
+                )
+    except InputError:
+        raise
     except FileNotFoundError as error:
         raise InputError(f"{folder} is no tolerance study: {Path(error.filename).name} is missing.") from None
-    if "exact" in samples:
-        samples = samples[samples.exact]
-    ratios = []
-    for figure, unit in (("rest", "W"), ("sensitivity", "W/N")):
-        rows = spread[spread.figure == figure].sort_values("taxel")
-        if not len(rows) or set(rows.unit) != {unit}:
-            raise InputError(
-                f"the study in {folder} has no {figure} in {unit}: a study over force, without a circuit, is needed."
-            )
-        values = np.stack([samples[f"{figure}_{taxel}"] for taxel in rows.taxel], axis=1)
-        ratios.append(values / rows.nominal.to_numpy())
+    except (OSError, ValueError, KeyError, AttributeError, TypeError) as error:
+        raise InputError(f"{folder} is no tolerance study: spread.csv or samples.csv cannot be read.") from error
     read = np.isfinite(ratios).all(axis=(0, 2))
+    if not read.any():
+        raise InputError(f"the study in {folder} has no exact sample with all readings: at least one is needed.")
     return PadSpread(*(ratio[read] for ratio in ratios))
 
 
@@ -165,8 +181,13 @@ class ImperfectPads:
             raise refusal("dead", dead, "a probability from 0 to 1 is needed")
         if spread is not None:
             require("spread", spread, PadSpread, "a PadSpread")
-            if np.shape(spread.rest)[1:] != (taxels,):
-                raise InputError(f"spread of {np.shape(spread.rest)[-1]} taxels is not allowed: {taxels} are needed.")
+            spread = PadSpread(*map(np.asarray, spread))
+            shape = spread.rest.shape
+            if len(shape) != 2 or 0 in shape or shape[1] != taxels or spread.change.shape != shape:
+                raise InputError(
+                    f"spread with arrays {shape} and {spread.change.shape} is not allowed: both need a row for each "
+                    f"sensor and {taxels} columns."
+                )
         if circuit is not None:
             require("circuit", circuit, Circuit, "a Circuit")
         check_flags(latency=latency, noise=noise)
@@ -250,6 +271,7 @@ class ImperfectPads:
         pads : int, slice or array_like, optional
             Indices of the pads, or a mask; by default all.
         """
+        pads = pads if isinstance(pads, slice) else np.asarray(pads)  # a tuple would be a place in the arrays
         if self._memory is not None:
             self._memory.reset(pads)
         if self._circuit is not None:

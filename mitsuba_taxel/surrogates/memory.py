@@ -74,7 +74,8 @@ class PadMemory:
         """
         values, known = checked_step("values", values, self._last.shape, duration)
         held = np.where(known, values, self._last)
-        self._memory = self._response.after(self._memory, (held - self._last).ravel(), float(duration))
+        after = self._response.after(self._memory, (held - self._last).ravel(), float(duration))
+        self._memory = np.where(np.broadcast_to(known, held.shape).ravel(), after, self._memory)
         self._last = held
         transient = (self._response.amplitudes @ self._memory).reshape(held.shape)
         return np.where(known, self._response.lasting * held + transient, np.nan)
@@ -87,6 +88,7 @@ class PadMemory:
         pads : int, slice or array_like, optional
             Indices of the pads, or a mask; by default all.
         """
+        pads = pads if isinstance(pads, slice) else np.asarray(pads)  # a tuple would be a place in the array
         self._last[pads] = 0.0
         self._memory.reshape(len(self._memory), *self._last.shape)[:, pads] = 0.0
 

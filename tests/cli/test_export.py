@@ -61,12 +61,14 @@ def test_the_program_exports_the_contact_of_a_pad(taxel, tmp_path, monkeypatch):
 
 
 def test_a_contact_model_is_written_in_other_forms(taxel, tmp_path):
-    pytest.importorskip("onnx")
-    write_contact_model(linear_model(), tmp_path / "contact.npz")
+    onnx = pytest.importorskip("onnx")
+    write_contact_model(linear_model(), tmp_path / "contact.npz", {"scene": "own.xml", "parameters": {"wall": "0.4"}})
     for ending in ("onnx", "py"):
         done = taxel("export", "--contact", "contact.npz", "-o", f"pad.{ending}")
         assert done.returncode == 0 and done.stderr == "" and (tmp_path / f"pad.{ending}").stat().st_size > 1e5
     assert b"def read(depth)" in (tmp_path / "pad.py").read_bytes()
+    about = {one.key: one.value for one in onnx.load(tmp_path / "pad.onnx").metadata_props}
+    assert about["scene"] == "own.xml" and "0.4" in about["parameters"]
 
 
 def test_the_program_calibrates_a_study_and_a_bench(taxel, tmp_path):

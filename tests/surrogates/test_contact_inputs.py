@@ -128,6 +128,19 @@ def test_displacements_are_the_depth_in_contact_and_the_compliance_beside_it():
     np.testing.assert_allclose(moved[0][..., :2], -moved[0][..., 2:] * [0.1, -0.2])
 
 
+def test_a_contact_beside_the_top_is_flagged_for_its_pad_alone():
+    model = linear_model()
+    points, normals = [(0, 0, model.height - 0.1)] * 2, [(0, 0, -1), (-1, 0, 0)]
+    maps = depth_maps(model, points, [0.2, 0.2], 2.0, normals=normals, pad=[0, 1], pads=2)
+    assert model(maps).status.tolist() == [0, NOT_A_NUMBER]
+
+
+def test_without_contacts_maps_are_empty():
+    model = linear_model()
+    assert (depth_maps(model, [], [], 2.0, pad=[], pads=3) == -1).all()
+    assert (force_maps(model, [], [], pads=3) == 0).all()
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -136,8 +149,7 @@ def test_displacements_are_the_depth_in_contact_and_the_compliance_beside_it():
         ({"depths": "deep"}, "depths of shape"),
         ({"radius": 0.0}, "radius = .* above 0"),
         ({"radius": np.inf}, "radius = .* above 0"),
-        ({"normals": [(0, 0, 1)]}, "unit vectors that point down"),
-        ({"normals": [(0, 0, -1.1)]}, "unit vectors that point down"),
+        ({"normals": [(0, 0, -1.1)]}, "unit vectors"),
         ({"normals": [(0, 0, -1), (0, 0, -1)]}, "normals of shape .* do not belong to 1 points"),
         ({"pad": [1]}, "pad = 1 .* from 0 to 0"),
         ({"pad": [0.0]}, "pad of shape .* a whole number"),

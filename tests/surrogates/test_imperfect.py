@@ -64,6 +64,29 @@ def test_reset_and_unknown_pads():
     assert np.isfinite(again).all()
 
 
+@pytest.mark.parametrize("pads", [(0, 2), [0, 2], np.array([True, False, True])])
+def test_pads_are_reset_by_any_kind_of_index(pads):
+    memory = PadMemory("0.4 1", "depth", 3, 3)
+    jump = np.ones((3, 3))
+    memory.step(jump, 0.0)
+    memory.step(jump, 1e3)
+    memory.reset(pads)
+    np.testing.assert_allclose(memory.step(jump, 0.0), [[1.0] * 3, [0.6] * 3, [1.0] * 3])
+    imperfect = ImperfectPads(REST, 3, circuit=LINEAR, noise=False)
+    for duration in (0.0, 1e3):
+        imperfect.step(np.full((3, 2), 4e-3), duration)
+    imperfect.reset(pads)
+    at_rest = imperfect.step(np.tile(REST, (3, 1)), 0.0).voltage
+    np.testing.assert_allclose(at_rest, np.where([[False], [True], [False]], 0.8, 200 * REST))
+
+
+def test_a_pad_with_a_nan_keeps_its_memory():
+    memory = PadMemory("0.4 1", "depth", 2, 1)
+    memory.step(np.ones((2, 1)), 0.0)
+    memory.step(np.array([[1.0], [np.nan]]), 10.0)
+    np.testing.assert_allclose(memory.step(np.ones((2, 1)), 0.0), [[0.6 + 0.4 * math.exp(-10)], [1.0]])
+
+
 def test_the_low_pass_has_the_step_response_of_first_order():
     pads = ImperfectPads(REST, 2, circuit=LINEAR, noise=False)
     before = 200 * REST
@@ -167,6 +190,17 @@ def test_a_tolerance_study_is_read(tmp_path):
         pandas.DataFrame(kept).to_csv(tmp_path / "spread.csv")
         with pytest.raises(InputError, match="a study over force, without a circuit, is needed"):
             read_spread(tmp_path)
+    for kept, message in (
+        ([{**row, "nominal": 1e-9} for row in rows], "nominal rest of taxel 1, 2 .* smaller than its spread"),
+        ([{**row, "nominal": math.nan} for row in rows], "no exact sample with all readings"),
+        ([{"a": 1}], "spread.csv or samples.csv cannot be read"),
+    ):
+        pandas.DataFrame(kept).to_csv(tmp_path / "spread.csv")
+        with pytest.raises(InputError, match=message):
+            read_spread(tmp_path)
+    (tmp_path / "spread.csv").write_text("")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_spread(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +209,9 @@ def test_a_tolerance_study_is_read(tmp_path):
         ({"pads": 0}, "pads = 0 is not allowed"),
         ({"dead": 1.5}, "dead = 1.5 is not allowed: a probability"),
         ({"prony": "0.5"}, "prony = '0.5' is not allowed"),
-        ({"spread": PadSpread(np.ones((3, 4)), np.ones((3, 4)))}, "spread of 4 taxels is not allowed: 2 are needed"),
+        ({"spread": PadSpread(np.ones((3, 4)), np.ones((3, 4)))}, "spread with arrays (3, 4) and (3, 4)"),
+        ({"spread": PadSpread(np.ones((3, 2)), np.ones((2, 2)))}, "spread with arrays (3, 2) and (2, 2)"),
+        ({"spread": PadSpread(np.ones((0, 2)), np.ones((0, 2)))}, "spread with arrays (0, 2) and (0, 2)"),
         ({"seed": -1}, "seed = -1 is not allowed"),
         ({"circuit": 5.0}, "circuit = 5.0 is not allowed: a Circuit is needed"),
         ({"noise": 1}, "noise = 1 is not allowed"),

@@ -96,6 +96,7 @@ def _convert_contact(
     ctx: click.Context, source: Path, output: Path | None, given: dict[str, Any], as_json: bool
 ) -> None:
     from mitsuba_taxel.surrogates import read_contact_model, write_contact_model
+    from mitsuba_taxel.surrogates.contact_export import origin_of
 
     from ..tables import print_json, say
 
@@ -104,7 +105,7 @@ def _convert_contact(
             raise click.UsageError(f"{name} needs a scene: {source} is a model already.", ctx)
     if output is None:
         raise click.UsageError("-o is needed: the name of the other form, which ends in .onnx or .py.", ctx)
-    write_contact_model(read_contact_model(source), output)
+    write_contact_model(read_contact_model(source), output, origin_of(source))
     print_json({"file": str(output)}) if as_json else say(f"Results: {output}")
 
 

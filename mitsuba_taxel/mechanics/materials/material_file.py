@@ -102,6 +102,8 @@ def read_material(file: str | Path) -> MeasuredMaterial:
         material = law(**constants)
         terms = prony_of(content.get("prony", ""))
         mullins = mullins_of(content.get("mullins", ""), material)
+        if terms and mullins:
+            raise InputError("mullins and prony exclude each other: only one of both is modelled.")
     except InputError as error:
         raise InputError(f"{what}: {error}") from error
     return MeasuredMaterial(

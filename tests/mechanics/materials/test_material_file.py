@@ -74,8 +74,10 @@ def test_mullins_effect_of_the_file_is_that_of_the_scene(write):
     pad = DeformablePad(material=file, poisson_ratio=0.48)
     assert pad.build_mullins() == Mullins(Ogden(0.03, 2.4, poisson_ratio=0.48), 2, 0.02, 0.1)
     assert DeformablePad(material=file, mullins="3 0.1").build_mullins() == Mullins(Ogden(0.03, 2.4), 3, 0.1)
-    with pytest.raises(InputError, match="mullins = '2 0.02 0.1' is not allowed with viscoelasticity"):
+    with pytest.raises(InputError, match=r"mullins = '2 0.02 0.1' \(of .*\) is not allowed with viscoelasticity"):
         DeformablePad(material=file, prony="0.1 1", time=1.0)
+    with pytest.raises(InputError, match="mullins and prony exclude each other"):
+        read_material(write(OGDEN.replace('prony = ', 'mullins = "2 0.02 0.1"\nprony = ')))
 
 
 def test_poissons_ratio_of_the_file_holds(write):
