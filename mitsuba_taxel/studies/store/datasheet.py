@@ -141,7 +141,8 @@ def _meaning(column: str) -> tuple[str, str]:
         kind = "force" if stem[9] == "f" else "moment"
         return unit, f"{stem[-1]} component of the {kind} of the plate or the indenter on the pad"
     if stem.startswith("centre_of_pressure_"):
-        return unit, f"{stem[-1]} of the centre of pressure of the plate or the indenter"
+        of_what = "the centre of pressure of the plate or the indenter"
+        return unit, f"{stem[-1]} of {of_what}; NaN (blank in CSV) where nothing touches"
     if stem.startswith("power_") and unit == "W":
         return "W", f"reading of taxel {stem.removeprefix('power_')}: optical power on its phototransistor"
     if stem.startswith("standard_error_") and unit == "W":

@@ -133,9 +133,10 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
     are in the order of the curve. Features are ``observation.power``, ``observation.voltage``, ``observation.wrench``
     (components of the force in N; of a bonded plate or an indenter also the moment in N mm),
     ``observation.contact_place`` (contact position, and centre of pressure, in mm), and
-    ``observation.parameters``, the other varied numbers; names of their elements end with the unit. Varied words, such
-    as the kind of cell, are part of the task's text. Parts of the set are ``splits`` of the episodes. Times of frames
-    are nominal, with `FRAMES_PER_SECOND`.
+    ``observation.parameters``, the other varied numbers and, beside the force of a bonded plate or an indenter, the
+    applied force; names of their elements end with the unit. Varied words, such as the kind of cell, are part of the
+    task's text. Parts of the set are ``splits`` of the episodes. Times of frames are nominal, with `FRAMES_PER_SECOND`.
+    Where nothing touches, the centre of pressure is NaN; statistics omit NaN.
 
     Parameters
     ----------
@@ -253,16 +254,19 @@ def _features(table: pd.DataFrame, columns: Mapping[str, Column]) -> dict[str, l
     numbers = [heading for heading in columns if table[heading].dtype.kind in "fiub"]
     reactions = [heading for heading in numbers if columns[heading].role in WRENCH]
     forces = [heading for heading in numbers if columns[heading].role in FORCES]
-    wrench = reactions or forces
     place = [heading for heading in numbers if columns[heading].role not in ("", *FORCES, *WRENCH)]
-    other = [heading for heading in numbers if not columns[heading].role]
-    groups = {"wrench": wrench, "contact_place": place, "parameters": other}
+    other = [heading for heading in numbers if not columns[heading].role or (reactions and heading in forces)]
+    groups = {"wrench": reactions or forces, "contact_place": place, "parameters": other}
     return features | {f"observation.{name}": headings for name, headings in groups.items() if headings}
 
 
 def _statistics(values: np.ndarray) -> dict[str, list[float]]:
-    """Statistics of a feature (frames, elements), with which LeRobot normalises the feature."""
-    values = values.astype(float)
-    quantiles = {f"q{percent:02d}": np.percentile(values, percent, axis=0) for percent in (1, 10, 50, 90, 99)}
-    figures = {"min": values.min(0), "max": values.max(0), "mean": values.mean(0), "std": values.std(0), **quantiles}
+    """Statistics of a feature (frames, elements), with which LeRobot normalises the feature.
+
+    Frames in which an element is NaN are omitted for this element. If all are, its statistics are 0: JSON has no NaN.
+    """
+    values = np.where(np.isnan(values).all(axis=0), 0.0, values.astype(float))
+    quantiles = {f"q{percent:02d}": np.nanpercentile(values, percent, axis=0) for percent in (1, 10, 50, 90, 99)}
+    moments = {"mean": np.nanmean(values, axis=0), "std": np.nanstd(values, axis=0)}
+    figures = {"min": np.nanmin(values, axis=0), "max": np.nanmax(values, axis=0), **moments, **quantiles}
     return {**{name: figure.tolist() for name, figure in figures.items()}, "count": [len(values)]}

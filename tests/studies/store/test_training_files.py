@@ -168,6 +168,43 @@ def test_a_study_by_depth_is_split_by_depth(tmp_path):
     assert "All rows of one value of push_mm" in sheet and "All rows of one force" not in sheet
 
 
+def test_frames_without_contact_are_left_out_of_the_statistics(tmp_path):
+    pressed, dims = study(), ("push", "spot", "cell")
+    pressed["reaction_fz"] = (dims, np.broadcast_to(FORCE[:, None, None], (30, 3, 2)), {"units": "N"})
+    x = np.broadcast_to(PLACES[:, None], (30, 3, 2)).copy()
+    x[:4, :2], x[7:12, 2] = np.nan, np.nan
+    pressed["centre_of_pressure_x"] = (dims, x, {"units": "mm"})
+    pressed["centre_of_pressure_y"] = (dims, np.full(x.shape, np.nan), {"units": "mm"})
+    training_set(pressed, tmp_path / "set", lerobot=True)
+    text = (tmp_path / "set" / "lerobot" / "meta" / "stats.json").read_text()
+    place = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))["observation.contact_place"]
+    # The place of the indenter, the x of the frames with contact, sorted by hand, and y, which has none.
+    touches = np.sort(x[np.isfinite(x)])
+    assert len(touches) == 180 - 2 * (4 * 2 + 5) and place["count"] == [180]
+    mean = touches.sum() / len(touches)
+    assert (place["min"], place["max"]) == ([-1, -1, 0], [1, 1, 0]) and mean != 0
+    np.testing.assert_allclose(place["mean"], [0, mean, 0], atol=1e-12)
+    spread = np.sqrt((touches**2).sum() / len(touches) - mean**2)
+    np.testing.assert_allclose(place["std"], [np.sqrt(2 / 3), spread, 0], rtol=1e-12)
+    assert place["q50"] == [0, touches[len(touches) // 2], 0]
+    sheet = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert sheet.count("NaN (blank in CSV) where nothing touches") == 2
+
+
+@pytest.mark.parametrize("reactions", [(), ("fz",), ("fx", "fz")])
+def test_the_applied_force_is_a_feature_beside_the_force_of_the_plate(tmp_path, reactions):
+    pressed, applied = study(), ["fx_N", "fz_N"]
+    for name in reactions:
+        pressed[f"reaction_{name}"] = (("push", "spot", "cell"), np.ones((30, 3, 2)), {"units": "N"})
+    training_set(pressed, tmp_path / "set", lerobot=True)
+    folder = tmp_path / "set" / "lerobot"
+    features = json.loads((folder / "meta" / "info.json").read_text())["features"]
+    group = "observation.parameters" if reactions else "observation.wrench"
+    assert features[group]["names"] == applied and ("observation.parameters" in features) is bool(reactions)
+    forces = np.stack(pd.read_parquet(folder / "data")[group].to_list())
+    assert (forces[:, 0] == 0.5).all() and set(forces[:, 1]) == set(FORCE)
+
+
 def test_lerobot_reads_it(tmp_path, monkeypatch):
     pytest.importorskip("lerobot")
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
