@@ -55,22 +55,27 @@ LEAST_FORCES = 10
 
 class _TrainingRows(NamedTuple):
     """Readings of jobs, one row for each job: parameters, power and its standard error (rows, taxels) in W, units by
-    name, the number of the curve (rows,) in the study, and the parameter that varies along a curve."""
+    name, the number of the curve (rows,) in the study, and the parameters that vary along a curve."""
 
     parameters: pd.DataFrame
     power: np.ndarray
     standard_error: np.ndarray
     units: dict[str, str]
     path: np.ndarray
-    curve: str
+    curve: list[str]
+
+    @property
+    def by_curve(self) -> bool:
+        """Whether rows are split by what varies along a curve: no force varies, and that of an indenter or a plate is a
+        result."""
+        forces = _force_columns(self.parameters)
+        return WRENCH[0] in self.parameters and all(self.parameters[name].nunique() <= 1 for name in forces)
 
     @property
     def load(self) -> list[str]:
-        """Parameters by which rows are split: components of the force; if none varies and the force of an indenter or a
-        plate is a result, what varies along a curve, such as its depth."""
-        forces = _force_columns(self.parameters)
-        varies = any(self.parameters[name].nunique() > 1 for name in forces)
-        return [self.curve] if not varies and WRENCH[0] in self.parameters else forces
+        """Parameters by which rows are split: components of the force, or what varies along a curve, such as the depth
+        of an indenter."""
+        return self.curve if self.by_curve else _force_columns(self.parameters)
 
 
 def training_set(
@@ -88,9 +93,10 @@ def training_set(
     """Create tables of forces and readings for training a calibration model: a training, validation and test set.
 
     All rows of one force, for any noisy copy and any value of the other parameters, belong to the same set. If forces
-    are results of a study by the depth of an indenter, all rows of one depth do. Forces are sorted by a hash of seed
-    and force, and this order is cut at the given fractions. The set of a force thus depends neither on noise, copies
-    and other parameters nor on failed jobs. If forces are added later, only forces next to a cut can change their set.
+    are results of a study by the depth of an indenter, all rows of one depth do; if several parameters vary together
+    along its curves, all rows with the same values of them do. Forces are sorted by a hash of seed and force, and this
+    order is cut at the given fractions. The set of a force thus depends neither on noise, copies and other parameters
+    nor on failed jobs. If forces are added later, only forces next to a cut can change their set.
 
     Parameters
     ----------
@@ -267,7 +273,8 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
     Raises
     ------
     InputError
-        if scenes differ in their taxels or components of force.
+        if scenes differ in their taxels, components of force or the parameters by which rows are split, or if there are
+        no such parameters.
     """
     per_scene = [_rows_of(study) for study in studies.values()]
     first, *rest = per_scene
@@ -285,7 +292,7 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
         for name, rows in zip(studies, per_scene, strict=True):
             rows.parameters.insert(0, "scene", name)
     parameters = pd.concat([rows.parameters for rows in per_scene], ignore_index=True)
-    return _TrainingRows(
+    joined = _TrainingRows(
         parameters.apply(_as_numbers),
         np.concatenate([rows.power for rows in per_scene]),
         np.concatenate([rows.standard_error for rows in per_scene]),
@@ -293,6 +300,25 @@ def _rows(studies: Mapping[str, xr.Dataset]) -> _TrainingRows:
         np.concatenate([rows.path + start for rows, start in zip(per_scene, _starts(per_scene), strict=True)]),
         first.curve,
     )
+    if joined.by_curve:
+        _check_curves(studies, per_scene)
+    return joined
+
+
+def _check_curves(studies: Mapping[str, xr.Dataset], per_scene: Sequence[_TrainingRows]) -> None:
+    """Raise `InputError` unless the same parameters, at least one, vary along the curves of all scenes."""
+    first = per_scene[0].curve
+    if not first:
+        raise InputError(
+            "no force and no parameter varies along the curves of the study: one that varies, such as the depth of the "
+            "indenter, is needed to split a training set."
+        )
+    for name, rows in zip(studies, per_scene, strict=True):
+        if set(rows.curve) != set(first):
+            raise InputError(
+                f"scene {name} varies {' and '.join(rows.curve) or 'no parameter'} along its curves, the first scene "
+                f"{' and '.join(first)}: the same parameters are needed."
+            )
 
 
 def _starts(per_scene: Sequence[_TrainingRows]) -> list[int]:
@@ -319,6 +345,8 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
     curve = study.attrs.get("curve", dims[0])
     lengths = [1 if dim == curve else study.sizes[dim] for dim in dims]
     path = np.broadcast_to(np.arange(math.prod(lengths)).reshape(lengths), power.shape[:-1]).ravel()
+    along = {str(name): values for name, values in one_each.coords.items() if values.dims == (curve,)}
+    varied = [name for name, values in along.items() if name != "step" and len(np.unique(values)) > 1]
     count = power.shape[-1]
     return _TrainingRows(
         pd.DataFrame(values, index=range(one_each.size)),
@@ -326,7 +354,7 @@ def _rows_of(study: xr.Dataset) -> _TrainingRows:
         study.standard_error.transpose(*power.dims).values.reshape(-1, count),
         units,
         path,
-        str(curve),
+        varied,
     )
 
 
@@ -347,7 +375,7 @@ def _part_of(loads: pd.DataFrame, split: Sequence[float], seed: int) -> np.ndarr
     numeric = all(kind.kind in "fiu" for kind in loads.dtypes)
     words = [" ".join(f"{x + 0.0:.9g}" if numeric else str(x) for x in load) for load in loads.to_numpy()]
     by_force = not len(loads.columns) or loads.columns[0] in FORCES
-    return part_by_words(words, split, seed, "forces" if by_force else f"values of {loads.columns[0]}")
+    return part_by_words(words, split, seed, "forces" if by_force else f"values of {' and '.join(loads)}")
 
 
 def part_by_words(words: Sequence[str], split: Sequence[float], seed: int, name: str) -> np.ndarray:

@@ -182,7 +182,7 @@ def _parts(tables: Mapping[str, pd.DataFrame], making: TrainingRecord) -> str:
     counts = []
     for name, table in tables.items():
         counts.append((name, str(len(table[making.load].drop_duplicates())), str(len(table))))
-    loads = "forces" if making.load[0] in FORCE_COLUMNS else f"values of {making.load[0]}"
+    loads = "forces" if making.load[0] in FORCE_COLUMNS else f"values of {' and '.join(making.load)}"
     load = loads.replace("forces", "force").replace("values", "value")
     return (
         f"{markdown_table(('part', loads, 'rows'), counts)}\n\n"

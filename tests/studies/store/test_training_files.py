@@ -205,6 +205,55 @@ def test_the_applied_force_is_a_feature_beside_the_force_of_the_plate(tmp_path, 
     assert (forces[:, 0] == 0.5).all() and set(forces[:, 1]) == set(FORCE)
 
 
+def pressed_together(count=30, **coordinates):
+    """A study whose parameters vary together along ``step``: the depth of an indenter, and others."""
+    steps, depth = np.arange(1, count + 1), -0.01 * np.arange(count)
+    power = np.stack([1 + depth, 2 + depth], axis=-1)
+    attributes = {"parameters": json.dumps({"youngs_modulus": "0.2"}), "units": json.dumps({"uz": "mm", "x": "mm"})}
+    attributes |= {"scene": "ball.xml", "versions": "{}", "seed": 7, "points": 64, "notes": "", "curve": "step"}
+    return xr.Dataset(
+        {
+            "power": (["step", "taxel"], power),
+            "standard_error": (["step", "taxel"], 1e-3 * power),
+            "reaction_fx": ("step", 0 * depth, {"units": "N"}),
+            "reaction_fz": ("step", 3 * depth, {"units": "N"}),
+        },
+        {"step": steps, "uz": ("step", depth), "taxel": TAXELS}
+        | {name: ("step", values) for name, values in coordinates.items()},
+        attributes,
+    )
+
+
+@pytest.mark.parametrize("copies", [1, 2])
+def test_a_study_of_steps_is_split_by_all_that_varies_with_the_depth(tmp_path, copies):
+    pressed = pressed_together(x=np.arange(30) % 3.0, y=np.zeros(30))
+    again = pressed.assign(power=2 * pressed.power)  # a second scene, with the same touches
+    tree = xr.DataTree.from_dict({"a": pressed, "b": again})
+    tables = training_set(tree, tmp_path / "set", noise=1e-6, copies=copies)
+    touches = [set(zip(table.uz_mm, table.x_mm, strict=True)) for table in tables.values()]
+    assert set.union(*touches) == set(zip(pressed.uz.values, pressed.x.values, strict=True))
+    assert sum(map(len, touches)) == 30  # no touch is in two parts
+    assert [len(table) for table in tables.values()] == [2 * copies * len(touch) for touch in touches]
+    assert all("step" not in table and "y_mm" not in table for table in tables.values())
+    sheet = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
+    assert "All rows of one value of uz_mm and x_mm" in sheet
+
+
+def test_curves_that_do_not_say_how_to_split_are_refused():
+    by_depth = pressed_together().swap_dims(step="uz").drop_vars("step").assign_attrs(curve="uz")
+    assert len(training_set(xr.DataTree.from_dict({"a": pressed_together(), "b": by_depth}))["train"]) == 42
+    moved = pressed_together(x=np.arange(30.0))
+    with pytest.raises(InputError, match="scene b varies uz and x along its curves, the first scene uz: the same"):
+        training_set(xr.DataTree.from_dict({"a": by_depth, "b": moved}))
+    still = moved.assign_coords(uz=("step", np.zeros(30)), x=("step", np.ones(30)))
+    with pytest.raises(InputError, match="no force and no parameter varies along the curves"):
+        training_set(still)
+    with pytest.raises(InputError, match="scene b varies no parameter along its curves, the first scene uz"):
+        training_set(xr.DataTree.from_dict({"a": by_depth, "b": still}))
+    with pytest.raises(InputError, match="distinct values of uz and x in the study: 9, but at least 10"):
+        training_set(moved.isel(step=slice(9)))
+
+
 def test_lerobot_reads_it(tmp_path, monkeypatch):
     pytest.importorskip("lerobot")
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
