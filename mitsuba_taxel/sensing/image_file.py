@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -117,7 +118,7 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
     Returns
     -------
     image : CameraImage
-        The image, in single precision.
+        The image, in single precision. If the file has no ``mechanics_error``, as of an older version, it is NaN.
     about : dict[str, Any]
         The further facts of its header.
 
@@ -135,10 +136,15 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
             for quantity in CHANGES
             if f"{quantity}.{names[0]}" in channels
         }
+        radiance = _stacked(channels, "", names)
+        if f"mechanics_error.{names[0]}" in channels:
+            mechanics_error = _stacked(channels, "mechanics_error.", names)
+        else:  # of an older version
+            mechanics_error = np.full_like(radiance, math.nan)
         image = CameraImage(
-            _stacked(channels, "", names),
+            radiance,
             _stacked(channels, "standard_error.", names),
-            _stacked(channels, "mechanics_error.", names),
+            mechanics_error,
             channels["depth"],
             channels["coat"] > 0,
             _stacked(channels, "displacement.", "xyz"),

@@ -165,8 +165,9 @@ def show_images(study, folder: Path, as_json: bool) -> None:
     from ..tables import known, print_json, say
     from .render import image_errors
 
-    count = int((study.image != "").sum())
-    errors = {name: float(study[name].max()) for name in RELATIVE_ERRORS}
+    exists = study.image.values != ""
+    count = int(exists.sum())
+    errors = {name: float(study[name].values[exists].max()) for name in RELATIVE_ERRORS}  # NaN if one is unknown
     if as_json:
         files = [str(file) for file in study.image.values.ravel() if file]
         about = {"output": str(folder), "failures": study.attrs["failures"].splitlines()}

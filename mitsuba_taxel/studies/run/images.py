@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -35,7 +36,7 @@ class ImageProgress(NamedTuple):
     done, failed, total : int
         Number of finished jobs, of failed jobs among these, and of all jobs.
     error : float
-        Largest total error of a pixel so far; see `CameraImage.relative_total_error`.
+        Largest total error of a pixel so far, NaN if one is unknown; see `CameraImage.relative_total_error`.
     """
 
     done: int
@@ -166,7 +167,7 @@ def _compute(
             failures.pop(done.number, None)
             errors[done.number] = outcome.about["relative_total_error"]
         if progress:
-            worst = max((error for error in errors.values() if error is not None), default=0.0)
+            worst = math.nan if None in errors.values() else max(errors.values(), default=0.0)
             progress(ImageProgress(len(errors) + len(failures), len(failures), len(jobs), worst))
     if not failures and not store.done():
         raise ComputationError("no image could be computed.")

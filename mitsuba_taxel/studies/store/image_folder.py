@@ -226,9 +226,15 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
     for note in sorted({note for kept in facts.values() for note in kept.get("notes", ())}):
         count = sum(note in kept.get("notes", ()) for kept in facts.values())
         notes.append(f"in {count} of {len(facts)} images, {note}")
-    target, worst = about["target_error"], float(np.nanmax(numbers["relative_total_error"], initial=0.0))
+    errors = np.array([numbers["relative_total_error"][index] for index in facts])
+    target, worst, unknown = about["target_error"], float(np.nanmax(errors, initial=0.0)), int(np.isnan(errors).sum())
     if target is not None and worst > target:
         notes.append(f"target error {target:g} not reached: the total error of a pixel is up to {worst:.2g}")
+    if target is not None and unknown:
+        notes.append(
+            f"target error {target:g} not reached: in {unknown} of {len(facts)} images, the error by the finite "
+            "elements is unknown"
+        )
     return xr.Dataset(
         {
             "image": (dims, names.astype(str), {"long_name": "OpenEXR file of the image"}),

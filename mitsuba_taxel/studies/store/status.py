@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from types import MappingProxyType
@@ -26,7 +27,7 @@ class Status(NamedTuple):
     done, failed, total : int
         Numbers of jobs with a result, of failed jobs, and of all jobs.
     error : float
-        Largest relative standard error of a reading so far.
+        Largest relative standard error of a reading, or of the pixels of an image, so far; NaN if one of them is unknown.
     running : bool
         Whether a run is in progress.
     seconds_left : tuple[float, float] or None
@@ -87,13 +88,13 @@ def _states(folder: Path, name: str) -> Iterator[Status]:
     seconds, errors = _finished(folder, {number: {**fixed, **own} for number, own in values.items()})
     failed, running = values.keys() & store.failures().keys(), _is_running(folder)
     seconds_left = _seconds_left(axes, seconds, failed, _processes(folder)) if running else None
-    error = max(errors, default=0.0)
+    error = math.nan if any(map(math.isnan, errors)) else max(errors, default=0.0)
     yield Status(name, len(seconds), len(failed), len(values), error, running, seconds_left)
 
 
 def _finished(folder: Path, parameters: Mapping[int, Mapping[str, str]]) -> tuple[dict[int, float], list[float]]:
     """Finished jobs of a study: the seconds of each by number, and the relative errors of readings, or of pixels of
-    images."""
+    images, NaN if unknown."""
     seconds, errors = {}, []
     if (folder / IMAGES).is_dir():
         from mitsuba_taxel.studies.store.image_folder import ImageStore  # readings need nothing of it
@@ -102,7 +103,8 @@ def _finished(folder: Path, parameters: Mapping[int, Mapping[str, str]]) -> tupl
         for number in parameters.keys() & images.done():
             if facts := images.facts(number, parameters[number]):
                 seconds[number] = sum(facts["seconds_by_stage"].values())
-                errors.append(facts.get("relative_total_error") or 0.0)
+                error = facts.get("relative_total_error")
+                errors.append(math.nan if error is None else error)
         return seconds, errors
     store = Store(folder)
     for number in parameters.keys() & store.done():
