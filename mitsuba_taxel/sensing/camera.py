@@ -39,6 +39,9 @@ RELATIVE_ERRORS = "relative_error", "relative_mechanics_error", "relative_total_
 """Names of the errors of a `CameraImage` that summarise its pixels."""
 ERROR_REPLICATES = 4
 """Number of replicates whose light is traced again for the error of the finite elements."""
+MECHANICS_SHARE = 0.95
+"""Largest part of a target for the total error that the error of the finite elements may take. Nearer to the target,
+almost unlimited samples would be needed for the rest."""
 UNTOUCHED = "the indenter does not touch the pad: place it above the pad (indenter_x, indenter_y), or press it deeper"
 """Note on an image without a print."""
 SLOPE_SHARE = 1 / (COARSENING**LOCAL_ORDER - 1)
@@ -143,8 +146,9 @@ def camera_image(
         Number of samples per pixel and replicate, rounded up to a power of four; by default `SAMPLES`.
     target_error : float, optional
         Instead of samples, the target for `CameraImage.relative_total_error`. The number of samples follows from a
-        pilot image, which is not part of the result. If the error by the finite elements alone is above the target, or
-        unknown, the target applies to the error by the light.
+        pilot image, which is not part of the result. If the error by the finite elements alone is above 95 % of the
+        target, or unknown, the target applies to the error by the light: for the rest of it, almost unlimited samples
+        would be needed.
     seed : int
         Seed of the random numbers, from 0 to 2**32 - 1.
     difference : bool
@@ -184,7 +188,8 @@ def camera_image(
         radiance, standard_error = _mean_and_error(images)
         error = _relative_error(radiance, standard_error, view.coat)
         mechanics = _relative_error(radiance, mechanics_error, view.coat)
-        target = math.sqrt(target_error**2 - mechanics**2) if mechanics < target_error else target_error
+        is_within = mechanics <= MECHANICS_SHARE * target_error  # not if unknown
+        target = math.sqrt(target_error**2 - mechanics**2) if is_within else target_error
         if error > target:
             # A multiple of the pilot's samples, or a power of four, whose points are more even.
             more = (error / target) ** 2

@@ -55,6 +55,18 @@ def test_a_target_is_that_of_both_errors_together(llvm_mono):
     assert camera_image(live, target_error=target).relative_total_error <= target
 
 
+@pytest.mark.parametrize(("part", "is_reached"), [(1.02, False), (1.2, True)])
+def test_a_target_just_above_the_error_of_the_elements_needs_few_samples(llvm_mono, part, is_reached):
+    live = pressed(COARSE, 2.0, 0.6, 3.0)
+    pilot = camera_image(live, samples=16)
+    target = part * pilot.relative_mechanics_error
+    image = camera_image(live, target_error=target)
+    # Within 5 % of the target, light that meets it alone is enough; otherwise it has what the elements leave.
+    left = target if not is_reached else math.sqrt(target**2 - pilot.relative_mechanics_error**2)
+    assert image.samples <= 16 * max(1, 4 * (pilot.relative_error / left) ** 2)
+    assert image.relative_error <= left and (image.relative_total_error <= target) is is_reached
+
+
 def test_a_local_mean_is_that_of_the_pixels_of_the_coat_nearby():
     generator = np.random.default_rng(0)
     values, coat, reach = generator.random((7, 9, 2)), generator.random((7, 9)) > 0.4, 2
