@@ -5,7 +5,7 @@ Plugins of this package have an attribute ``specification`` with their parameter
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
 
 import mitsuba as mi
@@ -178,7 +178,7 @@ class PadShape(Protocol):
 class RegionBsdf(Protocol):
     """Interface of the plugin `region`: a BSDF for each region of a surface, by the name of the region."""
 
-    walls: dict[str, mi.BSDF]
+    walls: Mapping[str, mi.BSDF]
 
 
 class WallBsdf(Protocol):

@@ -74,7 +74,9 @@ class Markers(NamedTuple):
         for places, spacing, count in zip((x, y), self[:2], counts, strict=True):
             apart.append(places - spacing * np.clip(np.round(places / spacing), -round(count), round(count)))
         distance = np.hypot(apart[0][None, :], apart[1][:, None])
-        return np.clip(0.5 + (self.radius - distance) * scale, 0.0, 1.0).astype(np.float32)
+        # Edges are blurred over a pixel, which adds pi / 12 pixels to the area: a smaller radius has the right area.
+        radius = math.sqrt(self.radius**2 - 1 / (12 * scale**2))
+        return np.clip(0.5 + (radius - distance) * scale, 0.0, 1.0).astype(np.float32)
 
 
 def markers_of(words: str, block: Block) -> Markers | None:
@@ -113,4 +115,8 @@ def markers_of(words: str, block: Block) -> Markers | None:
         raise InputError(f"markers = {words!r} is not allowed: not one of them fits onto the block.")
     if block.width / found.spacing_x * block.depth / found.spacing_y > MOST_MARKERS:
         raise InputError(f"markers = {words!r} is not allowed: at most {MOST_MARKERS} markers are possible.")
+    if found.radius < (least := max(block.width, block.depth) / PIXELS):
+        raise InputError(
+            f"markers = {words!r} is not allowed: a radius of at least {least:.3g} mm is needed, a pixel of their map."
+        )
     return found

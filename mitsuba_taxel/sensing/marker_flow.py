@@ -105,7 +105,7 @@ def has_markers(scene: mi.Scene) -> bool:
     bool
         True if there are markers.
     """
-    return any(pad.specification.markers for pad in deformed_pads(scene))
+    return any(pad.specification.build_markers() is not None for pad in deformed_pads(scene))
 
 
 def marker_flow(scene: mi.Scene, loaded: np.ndarray, unloaded: np.ndarray) -> MarkerFlow:
@@ -127,7 +127,7 @@ def marker_flow(scene: mi.Scene, loaded: np.ndarray, unloaded: np.ndarray) -> Ma
     MarkerFlow
         All markers, pad by pad.
     """
-    painted = [pad for pad in deformed_pads(scene) if pad.specification.markers]
+    painted = [pad for pad in deformed_pads(scene) if pad.specification.build_markers() is not None]
     places, displacements = zip(*map(_at_markers, painted), strict=True)
     rest = np.concatenate(places)
     before, after = (_in_image(shown, rest) for shown in (unloaded, loaded))

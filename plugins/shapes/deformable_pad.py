@@ -127,7 +127,9 @@ class DeformablePad(mi.Mesh):
         self.clear = clear_regions(walls) if is_coated else []
         self.mirrors = [code for wall in walls for code in mirrors(wall) if code not in self.clear]
         if isinstance(self.pad, Block) and (markers := parameters.build_markers()):
-            _paint(markers, self.pad, walls)
+            painted = _painted(markers, self.pad, walls)
+            name = next(name for name, value in props.objects() if value is walls[0])
+            props[name] = walls[0] = painted
         # A camera sees single triangles of the coat, which would look like facets.
         self.smooth = sorted({*self.mirrors, REGIONS["top"]}) if is_coated else self.mirrors
         check_mirrors(self.pad, self.mirrors, self.subdivision)
@@ -475,15 +477,14 @@ class DeformablePad(mi.Mesh):
         return f"DeformablePad[{self.pad}, {self.load.quantity} = {self.value} {self.load.unit}]"
 
 
-def _paint(markers: Markers, block: Block, walls: list[mi.BSDF]) -> None:
-    """Paint markers onto the coat of a block."""
+def _painted(markers: Markers, block: Block, walls: list[mi.BSDF]) -> mi.BSDF:
+    """The region BSDF of a block with markers on its coat; other pads may share the one without."""
     if not (walls and is_region(walls[0]) and "top" in walls[0].walls):
         raise InputError("markers are not allowed without a coat: a region BSDF with a top is needed.")
-    regions: Any = walls[0]
     weight = {"type": "bitmap", "bitmap": mi.Bitmap(markers.map_on(block)[..., None]), "raw": True}
     dark = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": MARKER_REFLECTANCE}}
-    parts = {"weight": weight | {"wrap_mode": "clamp"}, "coat": regions.walls["top"], "markers": dark}
-    regions.walls["top"] = mi.load_dict({"type": "blendbsdf", **parts})
+    parts = {"weight": weight | {"wrap_mode": "clamp"}, "coat": walls[0].walls["top"], "markers": dark}
+    return make_plugin("region", **{**walls[0].walls, "top": mi.load_dict({"type": "blendbsdf", **parts})})
 
 
 @kept(4)  # the pads of a study share their mesh

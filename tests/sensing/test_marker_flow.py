@@ -6,7 +6,7 @@ import csv
 
 import numpy as np
 import pytest
-from camera_scene import DISTANCE, FIELD, HEIGHT, REFLECTANCE, led, scene
+from camera_scene import CLEAR, COAT, DISTANCE, FIELD, HEIGHT, REFLECTANCE, led, scene
 
 from mitsuba_taxel import Block, InputError
 from mitsuba_taxel.pads.markers import markers_of
@@ -14,6 +14,9 @@ from mitsuba_taxel.sensing import Scene
 from mitsuba_taxel.sensing.camera import camera_image
 from mitsuba_taxel.sensing.image_file import read_image, write_image
 from mitsuba_taxel.sensing.marker_flow import write_markers
+from mitsuba_taxel.sensing.scene.scene_pads import deformed_pads
+
+import mitsuba as mi  # isort: skip
 
 PIXELS = 160, 120
 SIDES = {"width": 20.0, "depth": 15.0, "height": 4.0}
@@ -87,10 +90,16 @@ def test_the_flow_is_zero_without_a_load_and_is_written_as_a_table(llvm_mono, tm
 
 
 def test_a_map_of_markers_covers_their_area():
-    for words, block in (("2 2 0.25", Block(20.0, 15.0, 4.0)), ("3 1.5 0.7", Block(7.0, 11.0, 4.0))):
+    wide, deep = Block(20.0, 15.0, 4.0), Block(7.0, 11.0, 4.0)
+    for words, block, bound in (
+        ("2 2 0.25", wide, 2e-3),
+        ("3 1.5 0.7", deep, 2e-3),
+        ("1.37 1.91 0.01", wide, 1e-2),  # just above the radius of a pixel
+        ("1.37 1.91 0.006", deep, 1e-2),
+    ):
         markers = markers_of(words, block)
         covered = markers.map_on(block).mean(dtype=float) * block.width * block.depth
-        assert covered == pytest.approx(len(markers.centres(block)) * np.pi * markers.radius**2, rel=2e-3)
+        assert covered == pytest.approx(len(markers.centres(block)) * np.pi * markers.radius**2, rel=bound)
 
 
 @pytest.mark.parametrize(
@@ -102,6 +111,8 @@ def test_a_map_of_markers_covers_their_area():
         ("2 2 1", "a radius below half of the distances"),
         ("0.02 0.02 0.001", "at most 10000 markers"),
         ("40 40 9", "not one of them fits"),
+        ("2 2 0.0097", "a radius of at least 0.00977 mm is needed"),
+        ("2 2 0.001", "a radius of at least 0.00977 mm is needed"),
     ],
 )
 def test_impossible_markers_are_refused(words, message):
@@ -112,3 +123,35 @@ def test_impossible_markers_are_refused(words, message):
 def test_markers_need_a_coat(llvm_mono):
     with pytest.raises(InputError, match="markers are not allowed without a coat"):
         Scene({"type": "scene", "pad": {"type": "deformable_pad", "cell": "none", "markers": "2 2 0.3"} | SIDES}).load()
+
+
+@pytest.mark.parametrize("words", [" ", ","])
+def test_blank_markers_are_none(llvm_mono, words):
+    image = image_of(words, {})
+    assert image.markers is None and np.array_equal(image.radiance, image_of("", {}).radiance)
+
+
+def coats(*words):
+    """The regions of pads side by side that share one, with markers."""
+    region = {"type": "region", "top": COAT, "bottom": CLEAR, "outer": CLEAR}
+    parts = {"type": "scene", "shared": region}
+    for k, own in enumerate(words):
+        pad = {"type": "deformable_pad", "cell": "none", "bsdf": {"type": "ref", "id": "shared"}} | SIDES
+        pad["to_world"] = mi.ScalarTransform4f().translate([30.0 * k, 0, 0])
+        parts[f"pad{k}"] = pad | {"markers": own}
+    return [pad.bsdf() for pad in deformed_pads(Scene(parts).load())]
+
+
+@pytest.mark.parametrize("words", [("2 2 0.25", ""), ("", "2 2 0.25"), ("2 2 0.25", "3 3 0.25", ""), (" ",)])
+def test_pads_that_share_a_coat_have_their_own_markers(llvm_mono, words):
+    counts = [str(region.walls["top"]).count("BlendBSDF") for region in coats(*words)]
+    assert counts == [1 if own.strip() else 0 for own in words]
+
+
+def test_a_region_with_markers_is_as_smooth_as_they_are(llvm_mono):
+    """On a specular coat, light is sampled for the markers, too."""
+    region = {"type": "region", "bottom": CLEAR, "top": {"type": "twosided", "bsdf": {"type": "conductor"}}}
+    pad = {"type": "deformable_pad", "cell": "none", "markers": "2 2 0.5", "bsdf": region} | SIDES
+    (found,) = deformed_pads(Scene({"type": "scene", "pad": pad}).load())
+    for bsdf in (found.bsdf(), found.bsdf().walls["top"]):
+        assert mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth) and mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta)
