@@ -27,7 +27,7 @@ class Status(NamedTuple):
     done, failed, total : int
         Numbers of jobs with a result, of failed jobs, and of all jobs.
     error : float
-        Largest relative standard error of a reading, or of the pixels of an image, so far; NaN if one of them is unknown.
+        Largest relative standard error of a reading, or of the pixels of an image, so far; NaN if one is unknown.
     running : bool
         Whether a run is in progress.
     seconds_left : tuple[float, float] or None
