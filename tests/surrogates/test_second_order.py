@@ -74,7 +74,7 @@ def test_a_touch_that_no_patch_sees_counts_as_an_error():
 def test_too_few_bodies_are_refused():
     linear = linear_model()
     solved = made_up(linear, 4, SQUARE, NONE)
-    with pytest.raises(InputError, match="no patch of the top sees any of the bodies: a smaller spacing"):
+    with pytest.raises(InputError, match="no body reaches the centre of a patch of the top: a smaller spacing"):
         with_second_order(linear, [replace(one, touch=replace(one.touch, depth=-1e-3)) for one in solved])
     with pytest.raises(InputError, match="3 bodies are too few to learn from: at least 4"):
         with_second_order(linear, made_up(linear, 3, SQUARE, NONE))
