@@ -19,7 +19,7 @@ from mitsuba_taxel.base.left_out import LEFT_OUT
 from mitsuba_taxel.surrogates.contact_fit import contact_model
 from mitsuba_taxel.surrogates.contact_jax import jax_of_contact
 from mitsuba_taxel.surrogates.contact_onnx import onnx_of_contact
-from mitsuba_taxel.surrogates.contact_readings import ContactModel, LearntErrors, SecondOrder
+from mitsuba_taxel.surrogates.contact_readings import BEYOND, ContactModel, LearntErrors, SecondOrder
 from mitsuba_taxel.surrogates.contact_states import SolvedTouch, StateFile, Touch, solved_touch, touches
 from mitsuba_taxel.surrogates.onnx_model import check_onnx
 from mitsuba_taxel.surrogates.second_order import with_second_order
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 FIRST, FURTHER, MOST = 8, 4, 40
 """Number of bodies that are solved first, then each time while the error is too large, and at most."""
 ENDINGS = (".npz", ".onnx", ".py")
-FORMAT = 2
-"""Version of the file format. Version 1 had other second-order terms."""
+FORMAT = 3
+"""Version of the file format. Version 1 had other second-order terms, and version 2 no largest features of contact."""
 UNITS = {
     "x": "mm, centres of the columns",
     "y": "mm, centres of the rows, descending",
@@ -46,9 +46,17 @@ UNITS = {
     "lateral": "mm/N, mean displacement of a covered patch along x and y by a force on each",
     "second_reading": "1, of a constant, the relative change, depth over height, and force by mean compliance over it",
     "second_force": "1, of a constant, depth over height, root of area over it, and depth by distance² over its cube",
+    "second_largest": "1, largest features of the force in the fit: one, and the three of second_force",
     "second_side": "1, ratio of the tangential force to that of the slope of bodies",
 }
 """Arrays of a file, with their units."""
+STATUS = (
+    "0 within the range of the model, otherwise a sum of 1 for a depth that is not a number, 2 for one beyond that of "
+    "the model, 4 for a centre of pressure beyond its places, 8 for contact of few patches, 16 for contact that was "
+    f"not solved, 32 for given forces that pull, and 64 for contact beyond {BEYOND:g} times the largest features of "
+    "the fit, or with a factor of the forces that is not above 0; results with 1 and 16 are NaN"
+)
+"""Meaning of the status of a touch, for the file."""
 
 
 def export_contact(
@@ -227,6 +235,7 @@ def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, 
         "format": FORMAT,
         "units": {name: UNITS[name] for name in arrays},
         "input": "depth map (rows, columns) in mm: how far bodies reach below the undeformed top at each patch centre",
+        "status": STATUS,
         "errors": None if model.errors is None else model.errors._asdict(),
         "errors_leave_out": LEFT_OUT["model"],
         "version": version("mitsuba_taxel"),
@@ -237,7 +246,8 @@ def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, 
             np.savez_compressed(stream, about=np.array(json.dumps(text)), **arrays)
     elif file.suffix == ".onnx":
         # The grid and the ranges of the input are metadata, too: a runtime does not show constants.
-        ranges = {name: arrays[name].tolist() for name in ("x", "y", "size", "height", "largest_depth", "places")}
+        names = ("x", "y", "size", "height", "largest_depth", "places", "second_largest")
+        ranges = {name: arrays[name].tolist() for name in names if name in arrays}
         entries = {name: value if isinstance(value, str) else json.dumps(value) for name, value in text.items()}
         content = onnx_of_contact(model, {**entries, "ranges": json.dumps(ranges)})
         with replacing(file) as temporary:

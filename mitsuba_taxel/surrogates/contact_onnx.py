@@ -9,6 +9,7 @@ import numpy as np
 
 from mitsuba_taxel.surrogates.contact_iteration import RELAXATION, TOLERANCE, Iteration, iteration_of
 from mitsuba_taxel.surrogates.contact_readings import (
+    BEYOND,
     FEW_PATCHES,
     LIGHT,
     NOT_A_NUMBER,
@@ -16,6 +17,7 @@ from mitsuba_taxel.surrogates.contact_readings import (
     NOT_SOLVED,
     TOO_DEEP,
     TOO_FAR,
+    UNLIKE,
     ContactModel,
     SecondOrder,
 )
@@ -153,7 +155,9 @@ _READINGS: list[_Step] = [
     # Sum, moments, and second-order terms of the readings.
     ("ReduceSum keepdims=1", "changed_forces last", "total"),
     ("MatMul", "changed_forces points", "about"),
-    ("Div", "about total", "plain_centre"),
+    ("Greater", "total none", "pressed"),
+    ("Where", "pressed total not_known", "pressed_total"),
+    ("Div", "about pressed_total", "plain_centre"),
     ("MatMul", "changed_forces gradient", "linear"),
     ("Mul", "total softness", "strain"),
     ("Div", "linear rest", "relative"),
@@ -197,6 +201,13 @@ _STATUS: list[_Step] = [
     ("Greater", "deepest light_depth", "not_light"),
     ("And", "few some", "few_some"),
     ("And", "few_some not_light", "not_resolved"),
+    ("Greater", "force_features most_features", "beyond"),
+    ("LessOrEqual", "ratio none", "turned"),
+    ("Concat axis=1", "beyond turned", "beyond_or_turned"),
+    ("Cast to=int64", "beyond_or_turned", "unlike_numbers"),
+    ("ReduceMax keepdims=0", "unlike_numbers last", "any_unlike"),
+    ("Cast to=int64", "some", "some_number"),
+    ("Mul", "any_unlike some_number", "unlike"),
     ("Cast to=int64", "too_deep", "too_deep_number"),
     ("Cast to=int64", "not_resolved", "not_resolved_number"),
     ("Sub", "one_pad bad_pad", "good_pad"),
@@ -205,15 +216,18 @@ _STATUS: list[_Step] = [
     ("Mul", "too_deep_number good_pad", "known_too_deep"),
     ("Mul", "too_far known_pad", "known_too_far"),
     ("Mul", "not_resolved_number known_pad", "known_not_resolved"),
+    ("Mul", "unlike known_pad", "known_unlike"),
     ("Mul", "bad_pad bit_not_a_number", "bits_1"),
     ("Mul", "known_too_deep bit_too_deep", "bits_2"),
     ("Mul", "known_too_far bit_too_far", "bits_3"),
     ("Mul", "known_not_resolved bit_not_resolved", "bits_4"),
     ("Mul", "not_solved_number bit_not_solved", "bits_5"),
+    ("Mul", "known_unlike bit_unlike", "bits_6"),
     ("Add", "bits_1 bits_2", "sum_2"),
     ("Add", "sum_2 bits_3", "sum_3"),
     ("Add", "sum_3 bits_4", "sum_4"),
-    ("Add", "sum_4 bits_5", "status"),
+    ("Add", "sum_4 bits_5", "sum_5"),
+    ("Add", "sum_5 bits_6", "status"),
     # Results that are not known are NaN.
     ("Add", "bad_pad not_solved_number", "unknown_number"),
     ("Cast to=bool", "unknown_number", "unknown_pad"),
@@ -316,7 +330,7 @@ def _constants(model: ContactModel, iteration: Iteration) -> dict[str, Any]:
     """Constants of the graph by name."""
     rows, columns = model.covered.shape
     area, patches, taxels = model.size[0] * model.size[1], len(model.compliance), len(model.rest)
-    second = model.second or SecondOrder(np.zeros((taxels, 4)), np.zeros(4))
+    second = model.second or SecondOrder(np.zeros((taxels, 4)), np.zeros(4), np.full(4, np.inf))
     points = model.points[model.covered][:, :2]
     squares = ((points - [model.x.mean(), model.y.mean()]) ** 2).sum(axis=1) / model.height**2
     onto_map = np.zeros((patches, rows * columns))
@@ -327,6 +341,7 @@ def _constants(model: ContactModel, iteration: Iteration) -> dict[str, Any]:
         "too_far": TOO_FAR,
         "not_resolved": NOT_RESOLVED,
         "not_solved": NOT_SOLVED,
+        "unlike": UNLIKE,
     }
     constants: dict[str, Any] = {
         "none": 0.0,
@@ -368,6 +383,7 @@ def _constants(model: ContactModel, iteration: Iteration) -> dict[str, Any]:
         "by_force": second.reading[:, 3].copy(),
         "force_unit": 1 + second.force[0],
         "force_terms": second.force[1:, None].copy(),
+        "most_features": BEYOND * second.largest[None, 1:],
         "side_ratio": -second.side,
         "along_x": [[1.0, 0.0, 0.0]],
         "minus_along_x": [[-1.0, 0.0, 0.0]],

@@ -17,13 +17,15 @@ from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.surrogates.contact_pressures import contact_forces
 
-NOT_A_NUMBER, TOO_DEEP, TOO_FAR, NOT_RESOLVED, NOT_SOLVED, PULLS = 1, 2, 4, 8, 16, 32
+NOT_A_NUMBER, TOO_DEEP, TOO_FAR, NOT_RESOLVED, NOT_SOLVED, PULLS, UNLIKE = 1, 2, 4, 8, 16, 32, 64
 """Bits of the status of a touch: a depth or a force that is not a number, or is infinite; a depth beyond the largest of
 the model; a centre of pressure beyond its places; contact of few patches, unless it is light; contact that was not
-solved; a force that pulls on the pad."""
+solved; a force that pulls on the pad; contact unlike that of the bodies from which second-order terms were learnt."""
 FEW_PATCHES, LIGHT = 4, 0.25
 """Number of patches below which contact is not resolved, and fraction of the largest depth up to which such a touch is
 light: its forces are wrong by a fifth and more, but small."""
+BEYOND = 1.1
+"""Ratio of a feature of contact to the largest of the learnt bodies, above which contact is unlike theirs."""
 
 
 class ContactReadings(NamedTuple):
@@ -46,9 +48,10 @@ class ContactReadings(NamedTuple):
         Mean contact pressure of each patch in MPa.
     status : (B,) ndarray of int
         0 if the contact is within the range of the model; otherwise the sum of the codes that apply: `NOT_A_NUMBER` 1,
-        `TOO_DEEP` 2, `TOO_FAR` 4, `NOT_RESOLVED` 8, `NOT_SOLVED` 16 and, for given forces, `PULLS` 32. With 1 or 16,
-        the other results are NaN;
-        else they are extrapolated, or inaccurate.
+        `TOO_DEEP` 2, `TOO_FAR` 4, `NOT_RESOLVED` 8, `NOT_SOLVED` 16, for given forces `PULLS` 32, and with second-order
+        terms `UNLIKE` 64: depth, area or distance of the forces is beyond `BEYOND` times `SecondOrder.largest`, or the
+        factor of the forces is not above 0. With 1 or 16, the other results are NaN; else they are extrapolated, or
+        inaccurate.
     """
 
     power: np.ndarray
@@ -76,12 +79,15 @@ class SecondOrder(NamedTuple):
     force : (4,) ndarray
         Coefficients of 1, the greatest depth and the square root of the area of contact over the height of the pad, and
         this depth times the mean square distance of the forces from the middle of the top, over the cube of the height.
+    largest : (4,) ndarray
+        Largest values of these features in the fit.
     side : float
         Ratio of the tangential force to that of the slope of the bodies.
     """
 
     reading: np.ndarray
     force: np.ndarray
+    largest: np.ndarray
     side: float = 1.0
 
 
@@ -235,6 +241,7 @@ class ContactModel(Displayed):
             half = 0.5 * (1 + features @ self.second.force - by_depth)
             square = half**2 + by_depth
             ratio = half + np.sqrt(np.where(square >= 0, square, np.nan))
+            ratio = np.where(ratio > 0, ratio, np.nan)
             forces, deepest = forces / ratio[:, None], deepest / ratio
         readings = self._readings(forces, deepest)
         pulls = (forces < 0).any(axis=1)
@@ -316,9 +323,13 @@ class ContactModel(Displayed):
         """Results for forces (B, M) of the linear model in N and greatest depths (B,) in mm, with the flags of both;
         maps (B, rows, columns) of depth, if they are known, give the directions of the forces."""
         patches, area = np.count_nonzero(forces > 0, axis=1), self.size[0] * self.size[1]
+        unlike = np.zeros(len(forces), dtype=bool)
         if self.second is not None:
             # Second-order terms; all forces of a touch change in proportion.
-            forces = forces * (1 + self.force_features(forces, deepest) @ self.second.force)[:, None]
+            features = self.force_features(forces, deepest)
+            ratio = 1 + features @ self.second.force
+            unlike = (patches > 0) & ((features > BEYOND * self.second.largest).any(axis=1) | (ratio <= 0))
+            forces = forces * ratio[:, None]
 
         # Their sum, and their moments about the x and y axes.
         points = self.points[self.covered][:, :2]
@@ -347,7 +358,7 @@ class ContactModel(Displayed):
             centre=centre,
             area=area * patches + zero,
             pressure=pressure,
-            status=_bits({TOO_DEEP: deepest > self.largest_depth, TOO_FAR: far.any(axis=1)}),
+            status=_bits({TOO_DEEP: deepest > self.largest_depth, TOO_FAR: far.any(axis=1), UNLIKE: unlike}),
         )
 
     def _checked(self, values: np.ndarray, name: str = "depth") -> np.ndarray:

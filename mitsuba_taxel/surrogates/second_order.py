@@ -60,7 +60,8 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
     Returns
     -------
     ContactModel
-        The model with `second`, `errors`, and the range of the centres of pressure of these states as its `places`.
+        The model with `second`, `errors`, and the range of the centres of pressure of these states as its `places`;
+        `second` has the largest features of their contact.
 
     Raises
     ------
@@ -99,7 +100,8 @@ def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> Con
     everything = np.ones(len(rows.body), dtype=bool)
     by_force = _force_terms(rows, best_force, everything)
     side = float(_sides(rows, 1 + rows.force_features @ by_force, everything)[0])
-    second = SecondOrder(_reading_terms(model, rows, by_force, *best, everything), by_force, side)
+    largest = rows.force_features.max(axis=0)
+    second = SecondOrder(_reading_terms(model, rows, by_force, *best, everything), by_force, largest, side)
     errors = LearntErrors(
         bodies=len(solved),
         states=len(rows.body),

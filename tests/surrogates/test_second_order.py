@@ -149,14 +149,15 @@ def test_other_files_are_refused(tmp_path, monkeypatch):
             read_contact_model(tmp_path / "pad.npz")
     with pytest.raises(InputError, match="no model of contact"):
         read_contact_model(tmp_path / "none.npz")
-    monkeypatch.setattr("mitsuba_taxel.surrogates.contact_export.FORMAT", 3)
+    monkeypatch.setattr("mitsuba_taxel.surrogates.contact_export.FORMAT", 4)
     write_contact_model(linear_model(), tmp_path / "pad.npz")
     monkeypatch.undo()
-    with pytest.raises(InputError, match=r"later version of the format \(3\)"):
+    with pytest.raises(InputError, match=r"later version of the format \(4\)"):
         read_contact_model(tmp_path / "pad.npz")
-    np.savez(tmp_path / "pad.npz", about='{"format": 1, "errors": null}', size=[1.0, 1.0])
-    with pytest.raises(InputError, match="earlier version of the format: export it again"):
-        read_contact_model(tmp_path / "pad.npz")
-    np.savez(tmp_path / "pad.npz", about='{"format": 2, "errors": null}', size=[1.0, 1.0])
+    for earlier in (1, 2):
+        np.savez(tmp_path / "pad.npz", about=f'{{"format": {earlier}, "errors": null}}', size=[1.0, 1.0])
+        with pytest.raises(InputError, match="earlier version of the format: export it again"):
+            read_contact_model(tmp_path / "pad.npz")
+    np.savez(tmp_path / "pad.npz", about='{"format": 3, "errors": null}', size=[1.0, 1.0])
     with pytest.raises(InputError, match="no complete model"):
         read_contact_model(tmp_path / "pad.npz")
