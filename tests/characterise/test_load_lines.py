@@ -58,7 +58,7 @@ def test_a_path_there_and_back_is_one_experiment_and_one_that_bends_is_two():
     assert (tangential.force, tangential.where) == ("fx", {"fz": -8}) and len(tangential.runs) == 2
     assert [branch.loading for branch in tangential.branches] == [True, False]
     assert len(sensitivity_table(path(fx - fz, fx=fx, fz=fz))) == 4
-    with pytest.raises(InputError, match="2 runs"):
+    with pytest.raises(InputError, match="2 series of loads"):
         sensitivity(path(fx - fz, fx=fx, fz=fz), "step")
 
 
