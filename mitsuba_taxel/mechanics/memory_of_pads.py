@@ -62,7 +62,7 @@ def refuse_too_large(
     ComputationError
         if it does not fit; the message states a number of cells and an element size that would fit.
     """
-    rows = np.array([(0.0, 0.0, -1.0)] if values is None else [*values], dtype=float)
+    rows = np.atleast_2d(np.array([(0.0, 0.0, -1.0)] if values is None else [*values], dtype=float))
     loaded = rows[rows.any(axis=1)]
     if not isinstance(pad, Pad) or not len(loaded) or is_meshed(pad, mesh_size):
         return
