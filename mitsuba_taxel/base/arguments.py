@@ -148,6 +148,61 @@ def table_of(name: str, value: object, what: str) -> Mapping[str, Any]:
     return table
 
 
+def floats_of(values: Any) -> np.ndarray:
+    """Convert a value to an array of floats; its shape and its numbers are not checked.
+
+    Parameters
+    ----------
+    values : array_like
+        Any value.
+
+    Returns
+    -------
+    ndarray of float
+        The array; of shape (0,) if it is no array of numbers.
+    """
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return np.empty(0)
+
+
+def shape_of(values: Any) -> tuple[int, ...] | None:
+    """Shape of a value.
+
+    Parameters
+    ----------
+    values : array_like
+        Any value.
+
+    Returns
+    -------
+    tuple[int, ...] or None
+        The shape; None if rows have different lengths.
+    """
+    try:
+        return np.shape(values)
+    except ValueError:
+        return None
+
+
+def shape_words(values: Any) -> str:
+    """Shape of a value in words, for messages.
+
+    Parameters
+    ----------
+    values : array_like
+        Any value.
+
+    Returns
+    -------
+    str
+        Such as ``of shape (2, 3)``.
+    """
+    shape = shape_of(values)
+    return "with rows of different lengths" if shape is None else f"of shape {shape}"
+
+
 def array_of(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Convert the value of a parameter to an array, and check its shape and that all its numbers are finite.
 
@@ -170,10 +225,7 @@ def array_of(name: str, numbers: Any, shape: tuple[int, ...]) -> np.ndarray:
     InputError
         if the value has another shape, or an item is not a finite number.
     """
-    try:
-        array = np.asarray(numbers, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        array = np.empty(0)
+    array = floats_of(numbers)
     if array.shape != shape or not np.all(np.isfinite(array)):
         shown = f"{array.shape}" if len(shape) > 1 else f"{np.asarray(numbers, dtype=object).tolist()}"
         raise InputError(f"{name} = {shown} is not allowed: an array {shape} of finite numbers is needed.")

@@ -14,7 +14,7 @@ from textwrap import shorten
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
+from mitsuba_taxel.base.arguments import check_progress, floats_of, is_number, refusal, require
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.contact.barriers.bodies import RigidBodies
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
@@ -293,10 +293,7 @@ def _check_room(states: int, path: PadPath) -> None:
 
 def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.ndarray:
     """Convert values of a load to an array (S, components); raises `InputError` if that is not possible."""
-    try:
-        rows = np.asarray(values, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        rows = np.empty(0)
+    rows = floats_of(values)
     wanted = {1: "one finite number is", 3: "three finite numbers are"}.get(load.components, "six finite numbers are")
     if rows.ndim != 2 or rows.shape[1] != load.components:
         shown = shorten(repr(values), 100, placeholder=" ...]")
@@ -310,10 +307,7 @@ def _checked(values: Sequence[Sequence[float]] | np.ndarray, load: Load) -> np.n
 
 def _checked_triangles(obstacles: object) -> np.ndarray:
     """Convert the corners of triangles to an array (K, 3, 3); raises `InputError` if that is not possible."""
-    try:
-        corners = np.asarray(obstacles, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        corners = np.empty(0)
+    corners = floats_of(obstacles)
     if corners.ndim != 3 or corners.shape[1:] != (3, 3) or not np.all(np.isfinite(corners)):
         raise refusal("obstacles", obstacles, "an array (K, 3, 3) of finite corners of triangles is needed")
     return corners

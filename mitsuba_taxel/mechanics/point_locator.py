@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sparse
 
+from mitsuba_taxel.base.arguments import floats_of, shape_words
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.geometry.point_tree import PointTree
@@ -305,12 +306,9 @@ locator_of = kept(4)(PointLocator)  # the states of a path share their mesh
 
 def _checked(points: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
     """Convert points to an array (P, 3); raises `InputError` if that is not possible."""
-    try:
-        x = np.asarray(points, dtype=float)
-    except (TypeError, ValueError):
-        x = np.empty(0)
+    x = floats_of(points)
     if x.ndim != 2 or x.shape[1] != 3:
-        raise InputError(f"points of shape {np.shape(points)} are not allowed: rows of three numbers are needed.")
+        raise InputError(f"points {shape_words(points)} are not allowed: rows of three numbers are needed.")
     wrong = np.flatnonzero(~np.all(np.isfinite(x), axis=1))
     if len(wrong):
         raise InputError(f"points[{wrong[0]}] = {x[wrong[0]].tolist()} is not allowed: finite numbers are needed.")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import refusal, require
+from mitsuba_taxel.base.arguments import floats_of, refusal, require, shape_of, shape_words
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.surrogates.contact_readings import ContactModel
 
@@ -139,42 +139,38 @@ def force_maps(
 
 
 def _hats(place: float, count: int) -> np.ndarray:
-    """Weights (count,) of linear interpolation at a place among 0 ... count - 1; all 0 outside."""
+    """Weights (count,) of linear interpolation at a place from 0 to count - 1; 0 if it lies outside by half a step."""
     if not -0.5 <= place <= count - 0.5:
         return np.zeros(count)
     return np.maximum(1 - np.abs(np.arange(count) - np.clip(place, 0, count - 1)), 0.0)
 
 
 def _vectors(name: str, values: Any) -> np.ndarray:
-    """An array (K, 3), (0, 3) from an empty list; raises `InputError`."""
-    try:
-        array = np.asarray(values, dtype=float)
-        array = array.reshape(0, 3) if array.shape == (0,) else array
-    except (TypeError, ValueError):
-        array = np.zeros((0, 0))
+    """Convert values to an array (K, 3), an empty list to (0, 3); raises `InputError` if that is not possible."""
+    array = floats_of(values)
+    array = array.reshape(0, 3) if shape_of(values) == (0,) else array
     if array.ndim != 2 or array.shape[1] != 3:
-        raise InputError(f"{name} of shape {np.shape(values)} is not allowed: rows of x, y, z are needed.")
+        raise InputError(f"{name} {shape_words(values)} is not allowed: rows of x, y, z are needed.")
     return array
 
 
 def _numbers(name: str, values: Any, count: int) -> np.ndarray:
-    """An array (K,), also from one number for all; raises `InputError`."""
-    try:
-        array = np.asarray(values, dtype=float)
-        array = np.full(count, float(array)) if array.ndim == 0 else array
-    except (TypeError, ValueError):
-        array = np.zeros((0, 0))
+    """Convert values to an array (K,); one number holds for all. Raises `InputError` if that is not possible."""
+    array = floats_of(values)
+    array = np.full(count, float(array)) if array.ndim == 0 else array
     if array.shape != (count,):
-        raise InputError(f"{name} of shape {np.shape(values)} is not allowed: one number for each of {count} points.")
+        raise InputError(f"{name} {shape_words(values)} is not allowed: one number for each of {count} points.")
     return array
 
 
 def _pads(pad: Any, pads: int, count: int) -> np.ndarray:
-    """Numbers (K,) of pads; raises `InputError`."""
+    """Check the numbers of the pads of K contacts, and return them as (K,); raises `InputError`."""
     require("pads", pads, int, "a whole number")
-    numbers = np.zeros(count, dtype=int) if pad is None or np.shape(pad) == (count,) == (0,) else np.asarray(pad)
-    if pads < 1 or numbers.shape != (count,) or numbers.dtype.kind not in "iu":
-        raise InputError(f"pad of shape {np.shape(pad)} is not allowed: a whole number for each of {count} points.")
+    pad = [0] * count if pad is None else pad
+    fits = pads > 0 and shape_of(pad) == (count,)
+    numbers = np.asarray(pad if fits and count else [], dtype=None if fits and count else int)
+    if not fits or numbers.dtype.kind not in "iu":
+        raise InputError(f"pad {shape_words(pad)} is not allowed: a whole number for each of {count} points.")
     if count and not (0 <= numbers.min() and numbers.max() < pads):
         wrong = numbers[(numbers < 0) | (numbers >= pads)]
         raise refusal("pad", int(wrong[0]), f"numbers from 0 to {pads - 1} are needed")

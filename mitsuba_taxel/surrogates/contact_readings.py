@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.arguments import floats_of, shape_words
 from mitsuba_taxel.base.display import Displayed
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.surrogates.contact_pressures import contact_forces
@@ -363,15 +364,12 @@ class ContactModel(Displayed):
 
     def _checked(self, values: np.ndarray, name: str = "depth") -> np.ndarray:
         """Convert maps to an array (B, rows, columns); raises `InputError` if that is not possible."""
-        try:
-            maps = np.asarray(values, dtype=float)
-        except (TypeError, ValueError):
-            maps = np.zeros(0)
+        maps = floats_of(values)
         maps = maps[None] if maps.ndim == 2 else maps
         if maps.ndim != 3 or maps.shape[1:] != self.covered.shape:
             rows, columns = self.covered.shape
             raise InputError(
-                f"{name} of shape {np.shape(values)} is not allowed: maps of {rows} rows and {columns} columns are "
+                f"{name} {shape_words(values)} is not allowed: maps of {rows} rows and {columns} columns are "
                 "needed, at the points of the model."
             )
         return maps

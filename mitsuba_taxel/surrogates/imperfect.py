@@ -209,7 +209,8 @@ class ImperfectPads:
         return np.where(self.dead, 0.0, self._rest * self._factors[0] + change * self._factors[1])
 
     def _electrical(self, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Voltage before the low pass, and the deviations of noise that passes it and of other noise, in V."""
+        """Voltage before the low pass, standard deviation of the noise that passes it, and that of other noise: each
+        (B, T) in V."""
         assert self._circuit is not None
         parts = noise_parts(self._circuit, lit(power))
         filtered = np.sqrt(sum(parts[name] ** 2 for name in FILTERED))

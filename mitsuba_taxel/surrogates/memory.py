@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import is_number, is_whole, refusal
+from mitsuba_taxel.base.arguments import floats_of, is_number, is_whole, refusal, shape_words
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.mechanics.materials.creep import CreepResponse
 from mitsuba_taxel.mechanics.materials.viscoelastic import Terms, checked_terms, prony_of
@@ -121,10 +121,7 @@ def checked_step(name: str, values: Any, shape: tuple[int, ...], duration: Any) 
     """
     if not (is_number(duration) and duration >= 0):
         raise refusal("duration", duration, "a number of at least 0 s is needed")
-    try:
-        array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        array = np.empty(0)
+    array = floats_of(values)
     if array.shape != shape:
-        raise InputError(f"{name} of shape {np.shape(values)} is not allowed: an array {shape} is needed.")
+        raise InputError(f"{name} {shape_words(values)} is not allowed: an array {shape} is needed.")
     return array, np.isfinite(array).all(axis=1, keepdims=True)

@@ -145,6 +145,7 @@ def test_without_contacts_maps_are_empty():
     ("changes", "message"),
     [
         ({"points": [(0, 0)]}, "points of shape .* rows of x, y, z"),
+        ({"points": [(0, 0, 3), (0, 0)]}, "points with rows of different lengths .* rows of x, y, z"),
         ({"depths": [0.1, 0.2]}, "depths of shape .* one number for each of 1 points"),
         ({"depths": "deep"}, "depths of shape"),
         ({"radius": 0.0}, "radius = .* above 0"),
@@ -153,6 +154,7 @@ def test_without_contacts_maps_are_empty():
         ({"normals": [(0, 0, -1), (0, 0, -1)]}, "normals of shape .* do not belong to 1 points"),
         ({"pad": [1]}, "pad = 1 .* from 0 to 0"),
         ({"pad": [0.0]}, "pad of shape .* a whole number"),
+        ({"pad": [[0], [0, 1]]}, "pad with rows of different lengths .* a whole number"),
         ({"pads": 0}, "pad of shape .* a whole number"),
         ({"pads": 1.0}, "pads"),
     ],
