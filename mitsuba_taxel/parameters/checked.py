@@ -127,7 +127,8 @@ def parameters_of(cls: Any) -> Mapping[str, Parameter]:
 
 @kept(1024)
 def _current_parameters(cls: Any, _: int) -> Mapping[str, Parameter]:
-    """Result of `parameters_of`, which is needed often: it is found by the number of changes of all kinds."""
+    """Parameters of a class, kept from call to call until a kind is added or removed, which changes the number that is
+    the second argument."""
     return _all_parameters(cls, _chosen(cls))
 
 

@@ -117,12 +117,12 @@ class CameraImage:
 
     @property
     def relative_mechanics_error(self) -> float:
-        """The same of the error by the finite elements; NaN if unknown."""
+        """As `relative_error`, but of the error due to the finite elements; NaN if unknown."""
         return _relative_error(self.radiance, self.mechanics_error, self.coat)
 
     @property
     def relative_total_error(self) -> float:
-        """The same of both errors together; NaN if that of the finite elements is unknown."""
+        """As `relative_error`, but of the errors due to light and finite elements together; NaN if one is unknown."""
         return math.hypot(self.relative_error, self.relative_mechanics_error)
 
 

@@ -40,7 +40,7 @@ def test_slopes_are_changes_of_the_mean_voltage_at_rest_per_newton(study):
 def test_the_page_predicts_slope_sinking_and_tilt(study):
     text = " ".join(weights_section(study, {13: 1.0, 17: 1.3}).split())
     assert "| 2 | 3 | 16.13 ± 0.08 | 0.00 to 16.80 | 0.0200 ± 0.0001 | 0.120 ± 0.001 |" in text
-    assert "| 1 | 0 | 16.13 ± 0.17 | 0.00 to 16.80 | 0.0100 | 0 |" in text
+    assert "| 1 | 0 | 16.13 ± 0.17 | 0.00 to 16.80 | 0.0100 | 0.000 |" in text
     assert "20.0 thousandths of a degree per N mm" in text and "by 0.14 to 0.19°" in text
     assert "taxels 13 / 17 change 1.00 / 1.30 times" in text
 

@@ -21,7 +21,6 @@ def weights_section(study: xr.Dataset, own: Mapping[int, float]) -> str:
     slope, error = (1e3 * values for values in slopes(study))
     largest = int(np.argmax(np.hypot(study.x, study.y).values))
 
-
     def shown(value: float, uncertainty: float, digits: int) -> str:
         plus = f" ± {uncertainty:.{digits}f}" if np.isfinite(uncertainty) else ""
         return f"{value:.{digits}f}{plus}"
@@ -34,7 +33,7 @@ def weights_section(study: xr.Dataset, own: Mapping[int, float]) -> str:
             shown(slope[k].mean(), error[k].mean(), 2),
             f"{slope[k].min():.2f} to {slope[k].max():.2f}",
             shown(float(study.sinking[k]), float(study.sinking_error[k]), 4),
-            shown(float(study.tilt[k]), float(study.tilt_error[k]), 3) if k == largest else "0",
+            shown(float(study.tilt[k]), float(study.tilt_error[k]), 3),
         ]
         for k in range(study.sizes["place"])
     ]

@@ -24,9 +24,9 @@ ALLOWED, PREDICTED = 1.5, 2.5
 _WIDTHS = ("force", "energy", "voltage at equal force", "voltage at equal travel")
 
 
-class Explanation(NamedTuple):
-    """A set of causes of the loops: its name, the fit to taxel 13, and the widths of the loops of the others by number.
-    """
+class LoopExplanation(NamedTuple):
+    """Causes of the hysteresis loops together: their name, the fit of Mullins' effect to taxel 13, and the predicted
+    widths of the loops of other taxels, by their number."""
 
     name: str
     fitted: SofteningFit
@@ -38,7 +38,7 @@ class Explanation(NamedTuple):
         return float(np.abs(np.subtract(self.fitted.loop, softening.MEASURED)).max())
 
 
-def explanations(studies: Mapping[int, xr.Dataset], memory: PronyFit) -> list[Explanation]:
+def explanations(studies: Mapping[int, xr.Dataset], memory: PronyFit) -> list[LoopExplanation]:
     """Fit Mullins' effect alone, and together with other causes, to taxel 13, and predict the other taxels.
 
     Widths by friction and by relaxation are those computed for taxel 13.
@@ -62,7 +62,7 @@ def explanations(studies: Mapping[int, xr.Dataset], memory: PronyFit) -> list[Ex
             for taxel, study in studies.items()
             if taxel != measured.PRESSED
         }
-        found.append(Explanation(name, fitted, predicted))
+        found.append(LoopExplanation(name, fitted, predicted))
     return found
 
 
@@ -117,7 +117,7 @@ def _announced(taxels: list[int]) -> str:
     )
 
 
-def _fitted_words(found: list[Explanation], memory: PronyFit) -> str:
+def _fitted_words(found: list[LoopExplanation], memory: PronyFit) -> str:
     alike = [each for each in found if each.miss <= ALLOWED]
     worst = max(alike, key=lambda each: each.miss)
     rest = memory.rubbed.change_at_force + memory.loop.change_at_force
@@ -132,7 +132,7 @@ def _fitted_words(found: list[Explanation], memory: PronyFit) -> str:
     )
 
 
-def _predicted_words(found: list[Explanation]) -> str:
+def _predicted_words(found: list[LoopExplanation]) -> str:
     alike = [each for each in found if each.miss <= ALLOWED]
     spreads = {
         taxel: np.ptp([each.predicted[taxel] for each in alike], axis=0).max() for taxel in found[0].predicted
@@ -146,7 +146,7 @@ def _predicted_words(found: list[Explanation]) -> str:
     )
 
 
-def _creep_words(found: list[Explanation], memory: PronyFit) -> str:
+def _creep_words(found: list[LoopExplanation], memory: PronyFit) -> str:
     r = found[0].fitted.constants[0]
     before, after = softening.creep(memory, 1.0), softening.creep(memory, 1 - 1 / r)
     weights = ", ".join(f"{weight:.3f}" for weight in after.weights)
@@ -163,7 +163,7 @@ def _creep_words(found: list[Explanation], memory: PronyFit) -> str:
     )
 
 
-def _paper_words(alone: Explanation, study: xr.Dataset) -> str:
+def _paper_words(alone: LoopExplanation, study: xr.Dataset) -> str:
     r, m, beta = alone.fitted.constants
     width = softening.hysteresis_under_force(study, (r, m * YOUNGS_MODULUS, beta))
     values = " / ".join(f"{value:g}" for value in measured.MEASURED_HYSTERESIS.values())
