@@ -46,7 +46,7 @@ class Progress(NamedTuple):
     done, failed, total : int
         Number of finished jobs, of failed jobs among these, and of all jobs.
     error : float
-        Largest relative total error of a reading so far.
+        Largest relative total error of a reading so far, NaN if one is unknown.
     """
 
     done: int
@@ -355,7 +355,7 @@ def _compute(
     earlier = {number: kept for number, kept in stored if kept is not None}
     results = {number: kept for number, kept in earlier.items() if _is_enough(kept.readings, settings)}
     curves = [[_continued(job, earlier.get(job.number), settings) for job in curve] for curve in curves]
-    worst = max((kept.readings.relative_total_error for kept in results.values()), default=0.0)
+    worst = np.max([kept.readings.relative_total_error for kept in results.values()], initial=0.0)
     finished = {*results, *failures}
     outcomes = pool.outcomes([job for job in curve if job.number not in finished] for curve in curves)
 
@@ -369,11 +369,11 @@ def _compute(
         else:
             failures.pop(job.number, None)
             results[job.number] = keepable(outcome)
-            worst = max(worst, outcome.readings.relative_total_error)
+            worst = np.maximum(worst, outcome.readings.relative_total_error)  # NaN if one is unknown
             spent.append(sum(outcome.seconds.values()))
         if progress:
             done = len(results) + len(failures)
-            progress(Progress(done, len(failures), len(jobs), worst))
+            progress(Progress(done, len(failures), len(jobs), float(worst)))
         if not clock.allows(float(np.median(spent)) if spent else 0.0):
             outcomes.close()
             break
