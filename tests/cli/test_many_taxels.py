@@ -16,8 +16,6 @@ from mitsuba_taxel.sensing import find_scene
 from mitsuba_taxel.sensing.reading.derivative_values import Derivatives
 from mitsuba_taxel.sensing.reading.readings import Readings
 
-pytestmark = pytest.mark.quick
-
 COLUMN, ROW = (index.ravel() for index in np.meshgrid(np.arange(10), np.arange(10)))
 GRID = np.stack([2.5 * COLUMN, -2.5 * ROW], axis=1) - 7
 """Positions of 10 x 10 taxels, row by row from (-x, +y)."""
@@ -32,6 +30,7 @@ def shown_lines(capsys) -> list[str]:
     return capsys.readouterr().out.splitlines()
 
 
+@pytest.mark.quick
 def test_a_grid_is_summarised_and_mapped(capsys):
     power = 1e-3 * (1 + COLUMN / 9)
     power[3], power[98] = 0.5e-3, 4e-3
@@ -47,6 +46,7 @@ def test_a_grid_is_summarised_and_mapped(capsys):
     assert any(line.startswith("Light error: 1 sigma") for line in lines)
 
 
+@pytest.mark.quick
 def test_a_map_has_x_to_the_right_and_y_upwards():
     legend, *rows = many_taxels.map_lines(COLUMN / 9 + 1, GRID, "W")
     assert rows == ["0 1 2 3 4 5 6 7 8 9"] * 10
@@ -91,6 +91,7 @@ def test_some_unknown_values_are_counted():
     assert (name, least, mean, most) == ("a [W], 1 unknown", "1 (3)", "2", "3 (1)")
 
 
+@pytest.mark.quick
 def test_derivatives_are_summarised_in_watts_volts_and_counts(capsys):
     power, slopes = 1e-6 * (2 + COLUMN), np.stack([-1e-8 * (1 + ROW), np.full(100, 2e-8)], axis=1)
     derivatives = Derivatives(

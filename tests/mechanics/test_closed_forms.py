@@ -15,8 +15,6 @@ from mitsuba_taxel.mechanics.elements.elements import QUADRATURE_POINTS
 from mitsuba_taxel.mechanics.elements.pressure import pressure_forces
 from mitsuba_taxel.mechanics.materials.laws import MooneyRivlin, NeoHookean, Yeoh
 
-pytestmark = pytest.mark.quick
-
 
 def mean_error(body, displacement, exact):
     """Root mean square over the volume of the error, relative to the solution; ``exact``: points -> displacements."""
@@ -77,6 +75,7 @@ def planar(law, stretch):
     return thickness, pressure(thickness)
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("stretch", [0.6, 1.2, 2.0])
 @pytest.mark.parametrize("nu", [0.3, 0.4999, 0.5])
 @pytest.mark.parametrize("law", [MooneyRivlin, Yeoh])
@@ -198,6 +197,7 @@ def inflating_pressure(law, inner):
     return integral(stretches[0]) - integral(stretches[1])
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("law", "inner"), [(MooneyRivlin(0.5, 0.0, 0.5), 1.3), (MooneyRivlin(0.4, 0.1, 0.5), 1.8)], ids=["neo", "mooney"]
 )
@@ -218,6 +218,7 @@ def test_inflation_of_a_thick_walled_sphere(law, inner, block, mapped, body):
     assert np.all(np.abs(errors[1]) < (1e-3, 2e-4))
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("law", "inner"), [(MooneyRivlin(0.5, 0.0, 0.5), 1.3), (MooneyRivlin(0.4, 0.1, 0.5), 1.8)], ids=["neo", "mooney"]
 )

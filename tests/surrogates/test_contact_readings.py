@@ -18,8 +18,6 @@ from mitsuba_taxel.surrogates import write_contact_model
 from mitsuba_taxel.surrogates.contact_readings import NOT_SOLVED, PULLS, TOO_DEEP, TOO_FAR, UNLIKE
 from mitsuba_taxel.surrogates.second_order import with_second_order
 
-pytestmark = pytest.mark.quick
-
 TERMS = (0.02, 0.8, 0.3, 0.2), (0.03, 0.1, -0.2, 0.1)
 
 
@@ -80,7 +78,7 @@ def in_jax(model, folder):
     return read
 
 
-FORMS = [in_python, in_onnx, in_jax]
+FORMS = [pytest.param(in_python, marks=pytest.mark.quick), in_onnx, in_jax]
 
 
 @pytest.mark.parametrize("pad", PADS)

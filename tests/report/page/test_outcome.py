@@ -15,8 +15,6 @@ from mitsuba_taxel.report.page.outcome import MOST_ROWS, outcome_sections
 from mitsuba_taxel.surrogates import export
 from mitsuba_taxel.surrogates.onnx_model import read_polynomial
 
-pytestmark = pytest.mark.quick
-
 
 def test_the_page_of_a_fit_has_its_unknowns_residuals_and_warnings(tmp_path, llvm_mono):
     (tmp_path / "data.csv").write_text("z_mm,v1_mV\n0.5,10\n0.7,8\n0.9,6\n")
@@ -36,6 +34,7 @@ def test_the_page_of_a_fit_has_its_unknowns_residuals_and_warnings(tmp_path, llv
     assert "<th></th><th>gain</th>" in page.replace(' scope="col"', "")  # of the correlation
 
 
+@pytest.mark.quick
 def test_the_page_of_tolerances_has_spreads_and_indices_and_the_shortened_samples(tmp_path):
     pandas.DataFrame({"figure": ["gain"], "sd": [0.01234567]}).to_csv(tmp_path / "spread.csv", index=False)
     pandas.DataFrame({"parameter": ["<x>"], "total_gain": [0.5]}).to_csv(tmp_path / "parameters.csv", index=False)
@@ -46,6 +45,7 @@ def test_the_page_of_tolerances_has_spreads_and_indices_and_the_shortened_sample
     assert "<li>samples without readings, left out: 2 of 9</li>" in part and "3 more rows in samples.csv" in part
 
 
+@pytest.mark.quick
 def test_the_page_has_the_tables_as_the_command_prints_them(tmp_path, capsys):
     """With a nominal value of 2, a mean of 2.02 and a spread of 0.1: 1 % and 5 %."""
     from types import SimpleNamespace
@@ -66,6 +66,7 @@ def test_the_page_has_the_tables_as_the_command_prints_them(tmp_path, capsys):
         assert f"<td>{word}</td>" in part and word in printed
 
 
+@pytest.mark.quick
 def test_folders_of_comparisons_and_training_sets_have_pages(tmp_path):
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
@@ -140,6 +141,7 @@ def test_models_of_somebody_else_are_not_run_and_end_in_no_error(tmp_path, chang
     assert "data:image" not in part and ("told" in part or "printed" in changed)
 
 
+@pytest.mark.quick
 def test_a_folder_without_results_is_refused(tmp_path):
     with pytest.raises(InputError, match="is not allowed"):
         write_report(tmp_path, tmp_path / "page.html")
