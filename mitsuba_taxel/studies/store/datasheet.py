@@ -142,7 +142,7 @@ def _meaning(column: str) -> tuple[str, str]:
         return unit, f"{stem[-1]} component of the {kind} of the plate or the indenter on the pad"
     if stem.startswith("centre_of_pressure_"):
         of_what = "the centre of pressure of the plate or the indenter"
-        return unit, f"{stem[-1]} of {of_what}; NaN (blank in CSV) where nothing touches"
+        return unit, f"{stem[-1]} of {of_what}; NaN (blank in CSV) where nothing touches; 0 in the layout of LeRobot"
     if stem.startswith("power_") and unit == "W":
         return "W", f"reading of taxel {stem.removeprefix('power_')}: optical power on its phototransistor"
     if stem.startswith("standard_error_") and unit == "W":

@@ -22,6 +22,10 @@ FRAMES_PER_SECOND = 10
 """Nominal rate of the frames of an episode, which LeRobot requires; loads of a study are static."""
 WRENCH = tuple(f"reaction_{kind}{axis}" for kind in "fm" for axis in "xyz")
 """Components of the force and the moment of a bonded plate or an indenter on the pad."""
+CONTACT = "observation.contact"
+"""Feature of LeRobot's layout that is 1 for frames with contact and 0 for frames without."""
+CENTRE = ("centre_of_pressure_x", "centre_of_pressure_y")
+"""Columns of the centre of pressure, which are NaN where nothing touches."""
 LEROBOT_VERSION = "v3.0"
 """Version of the layout of LeRobot."""
 _OF_TAXELS = {
@@ -136,7 +140,8 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
     ``observation.parameters``, the other varied numbers and, beside the force of a bonded plate or an indenter, the
     applied force; names of their elements end with the unit. Varied words, such as the kind of cell, are part of the
     task's text. Parts of the set are ``splits`` of the episodes. Times of frames are nominal, with `FRAMES_PER_SECOND`.
-    Where nothing touches, the centre of pressure is NaN; statistics omit NaN.
+    Where nothing touches there is no centre of pressure. Frames have 0 instead, and ``observation.contact``, which is 1
+    with contact and 0 without; statistics of the centre of pressure are those of the frames with contact.
 
     Parameters
     ----------
@@ -156,6 +161,7 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
         raise InputError("the layout of LeRobot needs pyarrow: pip install pyarrow.")
     first = next(iter(parts.values())).table
     named = _features(first, columns)
+    centre = [heading for heading in columns if columns[heading].role in CENTRE]
 
     # Frames: rows in the order of their episode, with the default features.
     tables: list[pd.DataFrame] = []
@@ -168,6 +174,8 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
         counts = np.bincount(episode)
         table = part.table.iloc[order].reset_index(drop=True)
         frames: dict[str, Any] = {feature: _elements(table, headings) for feature, headings in named.items()}
+        if centre:
+            frames[CONTACT] = table[centre].notna().all(axis=1).to_numpy(np.float32)
         frames["task"] = _tasks(table, columns)
         frames["frame_index"] = np.concatenate([np.arange(count) for count in counts])
         frames["episode_index"] = start + episode
@@ -188,11 +196,16 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
         feature: {"dtype": "float32", "shape": [len(headings)], "names": headings}
         for feature, headings in named.items()
     }
+    flags = [CONTACT] if centre else []
+    features |= {flag: {"dtype": "float32", "shape": [1], "names": ["contact"]} for flag in flags}
     kinds = {"timestamp": "float32"} | dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), "int64")
     features |= {name: {"dtype": dtype, "shape": [1], "names": None} for name, dtype in kinds.items()}
     statistics = {
-        name: _statistics(np.stack(table[name].to_list()).reshape(len(table), -1)) for name in (*named, *kinds)
+        name: _statistics(np.stack(table[name].to_list()).reshape(len(table), -1)) for name in (*named, *flags, *kinds)
     }
+    # Data loaders make numbers of all frames, and NaN would spread from them.
+    for name in named:
+        table[name] = [np.nan_to_num(values) for values in table[name]]
     episodes = pd.DataFrame(
         {
             "episode_index": np.arange(len(length)),

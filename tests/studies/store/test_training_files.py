@@ -187,8 +187,32 @@ def test_frames_without_contact_are_left_out_of_the_statistics(tmp_path):
     spread = np.sqrt((touches**2).sum() / len(touches) - mean**2)
     np.testing.assert_allclose(place["std"], [np.sqrt(2 / 3), spread, 0], rtol=1e-12)
     assert place["q50"] == [0, touches[len(touches) // 2], 0]
+    # Frames have no NaN: 0 where nothing touches, and a flag; x alone has a centre nowhere, as y is missing.
+    frames = pd.read_parquet(tmp_path / "set" / "lerobot" / "data")
+    assert all(np.isfinite(np.stack(frames[name].to_list())).all() for name in frames)
+    assert (frames["observation.contact"] == 0).all()
     sheet = (tmp_path / "set" / "README.md").read_text(encoding="utf-8")
     assert sheet.count("NaN (blank in CSV) where nothing touches") == 2
+
+
+def test_a_flag_tells_frames_with_contact(tmp_path):
+    pressed, dims = study(), ("push", "spot", "cell")
+    x = np.broadcast_to(PLACES[:, None], (30, 3, 2)).copy()
+    x[:4], x[7:12, 2] = np.nan, np.nan
+    pressed["reaction_fz"] = (dims, np.where(np.isnan(x), 0.0, FORCE[:, None, None]), {"units": "N"})
+    for axis in "xy":
+        pressed[f"centre_of_pressure_{axis}"] = (dims, x, {"units": "mm"})
+    training_set(pressed, tmp_path / "set", lerobot=True)
+    frames = pd.read_parquet(tmp_path / "set" / "lerobot" / "data")
+    touched, places = frames["observation.contact"].to_numpy(), np.stack(frames["observation.contact_place"].to_list())
+    wrench = frames["observation.wrench"].to_numpy()
+    assert (touched == 0).sum() == 4 * 3 * 2 + 5 * 2 and (touched == 1).sum() == np.isfinite(x).sum()
+    np.testing.assert_array_equal(touched == 1, wrench < 0)
+    np.testing.assert_array_equal(places[:, 1], np.where(touched == 1, places[:, 0], 0.0))
+    meta = tmp_path / "set" / "lerobot" / "meta"
+    assert json.loads((meta / "info.json").read_text())["features"]["observation.contact"]["names"] == ["contact"]
+    figures = json.loads((meta / "stats.json").read_text())["observation.contact"]
+    np.testing.assert_allclose(figures["mean"], [touched.mean()], rtol=1e-6)
 
 
 @pytest.mark.parametrize("reactions", [(), ("fz",), ("fx", "fz")])
