@@ -1,12 +1,14 @@
 """Maps of all taxels while one of them is held, measured and computed with the pad that was fitted to taxel 13.
 
 The place of the indenter is not known. It is fitted to the measured map under the assumption that the change of a
-taxel is proportional to a function of its distance from the indenter, which is read off the map computed for an
-indenter above the middle of the held taxel.
+taxel is proportional to a function of its distance from the indenter, which is read off a computed map: first that for
+an indenter above the middle of the held taxel, then that for the place that was found. The map compared with the
+measured one is computed by finite elements for the last place.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,10 @@ NEAR = 2.3
 """Largest distance from the held taxel, in pitches, of the taxels to which a place is fitted."""
 LEAST = 4.0
 """Smallest computed change, in percent of that of the held taxel, for fits and for ratios of changes."""
+SETTLED = 0.06
+"""Distance in mm between two successive places of the indenter below which the search ends."""
+MOST_PLACES = 2
+"""Number of places for which finite elements are computed at most."""
 
 
 class ComputedMap(NamedTuple):
@@ -44,9 +50,9 @@ class HeldMapComparison(NamedTuple):
     place : (2,) ndarray
         Fitted position of the indenter relative to the middle of the taxel, mm.
     computed : ComputedMap
-        Force and changes for an indenter above the middle.
-    measured, centred, shifted : (5, 5) ndarray
-        The measured map; the one computed for an indenter above the middle; and this map shifted to the fitted place.
+        Force and changes for an indenter at this place.
+    measured, centred : (5, 5) ndarray
+        The measured map, and the one computed for an indenter above the middle.
     """
 
     taxel: int
@@ -54,12 +60,16 @@ class HeldMapComparison(NamedTuple):
     computed: ComputedMap
     measured: np.ndarray
     centred: np.ndarray
-    shifted: np.ndarray
+
+    @property
+    def placed(self) -> np.ndarray:
+        """The map (5, 5) computed for the fitted place."""
+        return self.computed.relative_to(self.taxel)
 
     @property
     def ratio(self) -> np.ndarray:
         """Measured divided by computed change (5, 5), each relative to rest; NaN where little is computed."""
-        computed = np.where(self.shifted < LEAST, np.nan, self.computed.changes[self.taxel - 1] * self.shifted)
+        computed = np.where(self.placed < LEAST, np.nan, self.computed.changes[self.taxel - 1] * self.placed)
         return measured.HELD_PRESSES[self.taxel].change * self.measured / computed
 
 
@@ -68,7 +78,9 @@ def rms(difference: np.ndarray) -> float:
     return float(np.sqrt(np.square(difference).sum() / (difference.size - 1)))
 
 
-def held_map(found: FittedPad, taxel: int, path: xr.Dataset) -> HeldMapComparison:
+def held_map(
+    found: FittedPad, taxel: int, path: xr.Dataset, pressed_at: Callable[[np.ndarray, float], xr.Dataset]
+) -> HeldMapComparison:
     """Compare the map of a held taxel.
 
     Parameters
@@ -79,18 +91,29 @@ def held_map(found: FittedPad, taxel: int, path: xr.Dataset) -> HeldMapCompariso
         Number of the held taxel, one of `measured.HELD_PRESSES`.
     path : xr.Dataset
         Load path for an indenter above the middle of the taxel.
+    pressed_at : Callable[[ndarray, float], xr.Dataset]
+        Computes the load path for an indenter at a place (x, y) relative to the middle of the taxel, in mm, at one
+        travel in mm.
 
     Returns
     -------
     HeldMapComparison
-        Measured and computed maps.
+        Measured and computed maps, for the place whose map agrees best with the measured one.
     """
     record = measured.HELD_PRESSES[taxel]
+    travel = found.travel(record.travel)
     measured_map = np.array(record.changes, dtype=float)
-    computed = _at(path, found.travel(record.travel), found.modulus)
-    centred = computed.relative_to(taxel)
-    place, shifted = place_of(centred, measured_map, taxel)
-    return HeldMapComparison(taxel, place, computed, measured_map, centred, shifted)
+    centred = _at(path, travel, found.modulus).relative_to(taxel)
+    tried = []
+    place, start = place_of(centred, measured_map, taxel), np.zeros(2)
+    while len(tried) < MOST_PLACES and np.linalg.norm(place - start) > SETTLED:
+        study = pressed_at(place, travel)
+        computed = ComputedMap(found.modulus * float(study.force[-1]), study.change.values[-1])
+        tried.append(HeldMapComparison(taxel, place, computed, measured_map, centred))
+        start, place = place, place_of(computed.relative_to(taxel), measured_map, taxel, place)
+    if not tried:
+        return HeldMapComparison(taxel, start, _at(path, travel, found.modulus), measured_map, centred)
+    return min(tried, key=lambda compared: rms(compared.placed - measured_map))
 
 
 def _at(path: xr.Dataset, travel: float, modulus: float) -> ComputedMap:
@@ -101,30 +124,32 @@ def _at(path: xr.Dataset, travel: float, modulus: float) -> ComputedMap:
     return ComputedMap(modulus * float(force), np.array(changes))
 
 
-def place_of(centred: np.ndarray, measured_map: np.ndarray, taxel: int) -> tuple[np.ndarray, np.ndarray]:
-    """Position (x, y) of an indenter relative to the middle of the held taxel in mm, from the measured map, and the map
-    ``centred`` shifted to it.
+def place_of(
+    computed: np.ndarray, measured_map: np.ndarray, taxel: int, place: np.ndarray | None = None
+) -> np.ndarray:
+    """Position (x, y) of an indenter relative to the middle of the held taxel in mm, from the measured map.
 
     The change of a taxel at the distance r from the indenter is taken as proportional to exp(a r^2 + b r^4), with a and
-    b from the computed map ``centred`` of an indenter above the middle. The differences between taxels of that map that
-    do not depend on the distance alone are kept.
+    b from the map ``computed`` of an indenter at ``place``, by default above the middle. The differences between taxels
+    of that map that do not depend on the distance alone are kept.
     """
+    place = np.zeros(2) if place is None else place
     sites = np.array([bench_pad.centre_of(number) for number in range(1, measured_map.size + 1)])
     away = sites - sites[taxel - 1]
+
+    def powers(at: np.ndarray) -> np.ndarray:
+        """Second and fourth powers (25, 2) of the distances from an indenter in pitches, less those of the held taxel.
+        """
+        distance = np.square(away - at).sum(axis=1) / measured.PITCH**2
+        both = np.stack([distance, distance**2], axis=1)
+        return both - both[taxel - 1]
+
     squared = np.square(away).sum(axis=1) / measured.PITCH**2
-    near = (squared > 0) & (squared < NEAR**2) & (centred.ravel() > LEAST)
-    powers = np.stack([squared, squared**2], axis=1)
-    falls = np.linalg.lstsq(powers[near], np.log(centred.ravel()[near] / 100), rcond=None)[0]
+    near = (squared > 0) & (squared < NEAR**2) & (computed.ravel() > LEAST)
+    falls = np.linalg.lstsq(powers(place)[near], np.log(computed.ravel()[near] / 100), rcond=None)[0]
 
-    def shifted(place: np.ndarray) -> np.ndarray:
-        # The quartic holds within NEAR; beyond, changes are small, and keep those of the centred map.
-        distance = np.square(away - place).sum(axis=1) / measured.PITCH**2
-        growth = (np.stack([distance, distance**2], axis=1) - powers) @ falls
-        factor = np.where(squared < NEAR**2, np.exp(growth), np.exp(growth[taxel - 1]))
-        return centred.ravel() * factor / factor[taxel - 1]
+    def residuals(at: np.ndarray) -> np.ndarray:
+        moved = computed.ravel() * np.exp((powers(at) - powers(place)) @ falls)
+        return (moved - measured_map.ravel())[near]
 
-    def residuals(place: np.ndarray) -> np.ndarray:
-        return (shifted(place) - measured_map.ravel())[near]
-
-    place = np.round(least_squares(residuals, np.zeros(2), x_scale=0.1).x, 2)
-    return place, shifted(place).reshape(centred.shape)
+    return np.round(least_squares(residuals, place, x_scale=0.1).x, 2)

@@ -116,13 +116,7 @@ def results(store: PaperStudies) -> PadComparison:
 
     fitted_pad = fit(pressed, curves[measured.PRESSED], START)
     fitted = _press_of(fitted_pad)
-    middle = bench_pad.path(store, fitted)
-    studies = {
-        taxel: middle
-        if taxel == measured.PRESSED
-        else predicted_path(store, fitted, taxel)
-        for taxel in curves
-    }
+    studies = {taxel: predicted_path(store, fitted, taxel) for taxel in curves}
     compared = {taxel: compare(studies[taxel], taxel, fitted_pad, curve) for taxel, curve in curves.items()}
     hold_travel = (fitted_pad.travel(measured.HELD_AT),)
     errors = bench_pad.path(store, fitted, hold_travel, with_errors=True)
@@ -138,8 +132,17 @@ def results(store: PaperStudies) -> PadComparison:
 
 
 def predicted_path(store: PaperStudies, fitted: IndenterPress, taxel: int) -> xr.Dataset:
-    """Compute the load path of the fitted pad with the indenter above the middle of a predicted taxel."""
+    """Compute the load path of the fitted pad with the indenter above the middle of a taxel."""
+    if taxel == measured.PRESSED:
+        return bench_pad.path(store, fitted)
     return bench_pad.path(store, fitted.moved(*bench_pad.centre_of(taxel)), PREDICTED_TRAVELS)
+
+
+def pressed_at(store: PaperStudies, fitted: IndenterPress, taxel: int, place: np.ndarray, travel: float) -> xr.Dataset:
+    """Compute the fitted pad with the indenter at a place (x, y) relative to the middle of a taxel, at one travel in
+    mm."""
+    x, y = np.round(np.add(bench_pad.centre_of(taxel), place), 3).tolist()
+    return bench_pad.path(store, fitted.moved(x, y), (travel,))
 
 
 def _press_of(fitted_pad: FittedPad) -> IndenterPress:

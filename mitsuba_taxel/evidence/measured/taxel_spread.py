@@ -4,6 +4,7 @@ map, all taxels have the same sensitivity. The spread follows from the taxels th
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -71,10 +72,21 @@ def band(results: PadComparison) -> TaxelBand:
     """Uncertainty of the computed map due to the spread of sensitivities. Each number of the map is a ratio of the
     changes of two taxels, and both have unknown deviations of their sensitivity."""
     sensitivities = {taxel: own_sensitivity(compared) for taxel, compared in results.taxels.items()}
-    spread = float(np.std(np.log(list(sensitivities.values())), ddof=1))
-    deviation = np.hypot(math.sqrt(2) * spread * results.moved, ROUNDING)
-    deviation[np.unravel_index(measured.PRESSED - 1, deviation.shape)] = 0.0
-    return TaxelBand(sensitivities, spread, results.moved, deviation)
+    deviation = map_deviation(sensitivities, results.moved, measured.PRESSED)
+    return TaxelBand(sensitivities, spread_of(sensitivities), results.moved, deviation)
+
+
+def spread_of(own: Mapping[int, float]) -> float:
+    """Standard deviation of the logarithms of the sensitivities ``own`` of pressed taxels."""
+    return float(np.std(np.log(list(own.values())), ddof=1))
+
+
+def map_deviation(own: Mapping[int, float], computed: np.ndarray, taxel: int) -> np.ndarray:
+    """Standard deviation (5, 5) in points of the numbers of a map, due to the spread of the sensitivities ``own`` of
+    pressed taxels; 0 for the held taxel."""
+    deviation = np.hypot(math.sqrt(2) * spread_of(own) * computed, ROUNDING)
+    deviation[np.unravel_index(taxel - 1, deviation.shape)] = 0.0
+    return deviation
 
 
 def own_sensitivity(compared: TaxelComparison) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,9 @@ from mitsuba_taxel.evidence.measured import measured, memory_fit, validation_fig
 from mitsuba_taxel.evidence.measured.bench_pad_in_time import Prony
 from mitsuba_taxel.evidence.measured.cycles import PER_FORCE, circuit_at_rest, cycle, figures
 from mitsuba_taxel.evidence.measured.dead_weights import weights
-from mitsuba_taxel.evidence.measured.held_maps import held_map
+from mitsuba_taxel.evidence.measured.held_maps import HeldMapComparison, held_map
 from mitsuba_taxel.evidence.measured.pad_assumptions import tried
-from mitsuba_taxel.evidence.measured.pad_comparison import predicted_path, results
+from mitsuba_taxel.evidence.measured.pad_comparison import PadComparison, predicted_path, pressed_at, results
 from mitsuba_taxel.evidence.measured.page.assumptions import assumptions_section
 from mitsuba_taxel.evidence.measured.page.dead_weights import weights_section
 from mitsuba_taxel.evidence.measured.page.held_maps import maps_section
@@ -63,12 +64,8 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
         _HEAD.format(command=command, minutes=MINUTES),
         pad_section(fitted, pictures),
         maps_section(
-            [
-                held_map(fitted.found, taxel, predicted_path(store, fitted.fitted, taxel))
-                for taxel in measured.HELD_PRESSES
-                if taxel != measured.PRESSED
-            ],
-            fitted.moved,
+            [_held(store, fitted, taxel) for taxel in measured.HELD_PRESSES],
+            {taxel: own_sensitivity(compared) for taxel, compared in fitted.taxels.items()},
         ),
         assumptions_section(fitted, tried(store, fitted)),
         memory_section(memory, pictures),
@@ -88,6 +85,12 @@ def write_validation(store: PaperStudies, docs: Path, command: str) -> Path:
     page = docs / "validation.md"
     write_text(page, "\n".join(sections))
     return page
+
+
+def _held(store: PaperStudies, fitted: PadComparison, taxel: int) -> HeldMapComparison:
+    """Map of a held taxel, with the indenter at the place that agrees best with the measured map."""
+    path = predicted_path(store, fitted.fitted, taxel)
+    return held_map(fitted.found, taxel, path, partial(pressed_at, store, fitted.fitted, taxel))
 
 
 def _vcnt2020(pictures: Path) -> str:

@@ -92,7 +92,7 @@ def test_the_page_holds_all_parts(loop, sideways, monkeypatch, tmp_path):
     monkeypatch.setattr(validation, "softening_section", lambda *studies: "### Mullins' effect in one cell")
     monkeypatch.setattr(validation, "predicted_path", lambda store, press, taxel: None)
     monkeypatch.setattr(validation, "held_map", lambda *made: None)
-    monkeypatch.setattr(validation, "maps_section", lambda maps, middle: "### All taxels while others are held")
+    monkeypatch.setattr(validation, "maps_section", lambda maps, own: "### All taxels while others are held")
     monkeypatch.setattr(validation, "weights", lambda store, height, modulus: None)
     monkeypatch.setattr(validation, "weights_section", lambda study, own: "## Dead weights")
     page = validation.write_validation(None, tmp_path, "taxel validate").read_text()

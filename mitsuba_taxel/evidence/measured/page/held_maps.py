@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from mitsuba_taxel.base.files.markdown import markdown_table
 from mitsuba_taxel.evidence.measured import bench_pad, measured
 from mitsuba_taxel.evidence.measured.held_maps import HeldMapComparison, rms
+from mitsuba_taxel.evidence.measured.taxel_spread import map_deviation
 from mitsuba_taxel.evidence.paper.page.words import paragraph
 
 RMS_TARGET = 3.0
@@ -17,23 +18,24 @@ CLEAR = 10.0
 """Computed change, in percent of that of the held taxel, from which ratios are averaged."""
 
 
-def maps_section(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> str:
-    """The section of the page, from the maps of held taxels, and the computed map (5, 5) while the middle one is held.
-    """
-    numbers = " and ".join(str(each.taxel) for each in maps)
+def maps_section(maps: Sequence[HeldMapComparison], own: Mapping[int, float]) -> str:
+    """The section of the page, from the maps of held taxels, and the sensitivities ``own`` of taxels that were pressed
+    themselves, relative to the computed ones."""
+    numbers = ", ".join(str(each.taxel) for each in maps)
     return f"""\
 ### All taxels while taxels {numbers} are held
 Predicted with what taxel {measured.PRESSED} gave, except for the place of the indenter, which is not published and is
-fitted to each map (two numbers for 24). The computed map of an indenter above the middle is shifted to this place, with
-the fall of the changes with the distance that it has itself; finite elements for this place are not computed. Maps are
-in percent of the change of the held taxel: measured / computed, arranged as on the board.
+fitted to each map (two numbers for 24). The maps are computed by finite elements for these places, at the travel of the
+hold. They are in percent of the change of the held taxel: measured / computed, arranged as on the board.
 
 {"".join(_map(each) for each in maps)}
-{markdown_table(["held taxel", "place", "rms", "largest difference"], _errors(maps, middle))}
+{markdown_table(["held taxel", "place", "rms", "largest difference"], _errors(maps))}
 
-{paragraph(_verdict(maps, middle))}
+{paragraph(_verdict(maps))}
 
-{paragraph(_causes(maps))}
+{paragraph(_scatter(maps, own))}
+
+{paragraph(_causes([each for each in maps if each.taxel != measured.PRESSED]))}
 """
 
 
@@ -43,7 +45,7 @@ def _map(each: HeldMapComparison) -> str:
     heads = ["", *(f"column {number}" for number in range(1, bench_pad.SIDE + 1))]
     rows = [
         [f"row {number}", *(f"{a:.0f} / {b + 0.0:.0f}" for a, b in zip(*row, strict=True))]
-        for number, row in enumerate(zip(each.measured, each.shifted, strict=True), start=1)
+        for number, row in enumerate(zip(each.measured, each.placed, strict=True), start=1)
     ]
     own = 100 * each.computed.changes[each.taxel - 1]
     words = (
@@ -54,32 +56,56 @@ def _map(each: HeldMapComparison) -> str:
     return f"{paragraph(words)}\n\n{markdown_table(heads, rows)}\n\n".replace("-0 ", "0 ")
 
 
-def _errors(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> list[list[str]]:
+def _errors(maps: Sequence[HeldMapComparison]) -> list[list[str]]:
     def row(taxel: int, place: str, difference: np.ndarray) -> list[str]:
         worst = np.unravel_index(int(np.abs(difference).argmax()), difference.shape)
         site = f"row {worst[0] + 1}, column {worst[1] + 1}"
         return [str(taxel), place, f"{rms(difference):.1f}", f"{difference[worst]:+.1f}, {site}"]
 
-    rows = [row(measured.PRESSED, "fitted, see above", middle - np.array(measured.HELD_MAP))]
+    rows = []
     for each in maps:
         rows.append(row(each.taxel, "middle", each.centred - each.measured))
-        rows.append(row(each.taxel, "fitted", each.shifted - each.measured))
+        rows.append(row(each.taxel, "fitted", each.placed - each.measured))
     return rows
 
 
-def _verdict(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> str:
-    reached = [rms(each.shifted - each.measured) for each in maps]
-    first = rms(middle - np.array(measured.HELD_MAP))
-    shares = " and ".join(
-        f"{100 * (1 - (value / rms(each.centred - each.measured)) ** 2):.0f} % (taxel {each.taxel})"
-        for each, value in zip(maps, reached, strict=True)
+def _verdict(maps: Sequence[HeldMapComparison]) -> str:
+    reached = {each.taxel: rms(each.placed - each.measured) for each in maps}
+    shares = ", ".join(
+        f"{100 * (1 - (reached[each.taxel] / rms(each.centred - each.measured)) ** 2):.0f} % (taxel {each.taxel})"
+        for each in maps
     )
-    within = [str(each.taxel) for each, value in zip(maps, reached, strict=True) if value <= RMS_TARGET]
-    kept = f"With the fitted places, {' and '.join(within) or 'no map'} are within the target of {RMS_TARGET:g} points"
+    within = [taxel for taxel, value in reached.items() if value <= RMS_TARGET]
+    beyond = [f"taxel {taxel} has {value:.1f}" for taxel, value in reached.items() if value > RMS_TARGET]
+    kept = f"the maps of taxels {', '.join(map(str, within))} are" if len(within) > 1 else (
+        f"the map of taxel {within[0]} is" if within else "no map is"
+    )  # fmt: skip
     return (
-        f"{kept}; taxel {measured.PRESSED} has {first:.1f}. The place of the indenter explains {shares} of the mean "
-        "square difference: an indenter that is a few tenths of a millimetre beside the middle presses one neighbour "
-        "more than the other."
+        f"With the fitted places, {kept} within the target of {RMS_TARGET:g} points{'; ' if beyond else ''}"
+        f"{', '.join(beyond)}. The place of the indenter explains {shares} of the mean square difference: an indenter "
+        "that is a few tenths of a millimetre beside the middle presses one neighbour more than the other."
+    )
+
+
+def _scatter(maps: Sequence[HeldMapComparison], own: Mapping[int, float]) -> str:
+    """Sentences about the differences that the spread of the taxels' sensitivities explains."""
+    expected = " / ".join(f"{rms(map_deviation(own, each.placed, each.taxel)):.1f}" for each in maps)
+    text = (
+        f"**What the taxels' spread allows.** Pressed themselves, taxels {', '.join(map(str, own))} change "
+        f"{', '.join(f'{value:.2f}' for value in own.values())} times as much as computed. If all taxels are spread "
+        f"so, a model that is exact otherwise has an rms of {expected} points in these maps. So a target of "
+        f"{RMS_TARGET:g} points asks for less than the taxels' own spread."
+    )
+    middle = next((each for each in maps if each.taxel == measured.PRESSED), None)
+    if middle is None:
+        return text
+    factors = np.ones(middle.placed.size)
+    for taxel, value in own.items():
+        factors[taxel - 1] = value / own[measured.PRESSED]
+    corrected = rms(middle.placed * factors.reshape(middle.placed.shape) - middle.measured)
+    return (
+        f"{text} With the sensitivities of these taxels, which are not taken from its map, the map of taxel "
+        f"{measured.PRESSED} has an rms of {corrected:.1f} points."
     )
 
 
@@ -87,7 +113,7 @@ def _causes(maps: Sequence[HeldMapComparison]) -> str:
     """Sentences about changes that are larger than computed around a whole press."""
     sentences = []
     for each in maps:
-        ratios = each.ratio[each.shifted >= CLEAR]
+        ratios = each.ratio[each.placed >= CLEAR]
         share = each.computed.force / measured.HELD_PRESSES[each.taxel].force
         sentences.append(
             f"while {each.taxel} is held, the {len(ratios)} taxels with at least {CLEAR:g} points change "
