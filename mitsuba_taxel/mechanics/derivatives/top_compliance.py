@@ -22,6 +22,8 @@ from mitsuba_taxel.mechanics.elements.loads.load import top_faces
 
 MOST_PATCHES = 2500
 """Largest number of patches: one back-solve each, and a matrix of 50 MB."""
+AT_ONCE = 16
+"""Number of patches that are solved at once."""
 FLAT_TOP = 1e-6
 """Largest difference of heights on a plane top, relative to the height of the pad."""
 COVERED = 0.5
@@ -127,7 +129,8 @@ def patch_responses(linear: LinearisedState, weights: sparse.csr_array) -> Itera
     (N, 3) ndarray
         Displacement of each node, in mm per N; the force points along -z.
     """
-    for row in range(weights.shape[0]):
-        forces = np.zeros_like(linear.displacement)
-        forces[:, 2] = -weights[[row]].toarray().ravel()
-        yield linear.by_forces(forces)
+    for first in range(0, weights.shape[0], AT_ONCE):
+        rows = weights[first : first + AT_ONCE].toarray()
+        forces = np.zeros((len(rows), *linear.displacement.shape))
+        forces[..., 2] = -rows
+        yield from linear.by_many_forces(forces)

@@ -132,6 +132,33 @@ class Linearised:
                 break
         return solution
 
+    def corrections(self, residuals: np.ndarray) -> np.ndarray:
+        """Changes of the unknowns for several residuals at once, as from :meth:`correction` for each, without
+        constraints. Products and solutions of several columns take a fraction of the time of one after the other.
+
+        Parameters
+        ----------
+        residuals : (unknowns, k) ndarray
+            Out-of-balance forces and volumes.
+
+        Returns
+        -------
+        (unknowns, k) ndarray
+            The changes.
+        """
+        diagonal = self._lower.diagonal()[:, None]
+        solution, last = self.factor.solve_many(residuals), np.full(residuals.shape[1], math.inf)
+        for _ in range(MOST_REFINEMENTS):
+            product = self._lower @ solution + self._lower.T @ solution - diagonal * solution
+            change = self.factor.solve_many(residuals - product)
+            size = np.abs(change[self._displacements]).max(axis=0)
+            if not (size < last).all() and not self._own:
+                return np.stack([self.correction(residual) for residual in residuals.T], axis=1)
+            solution, last = solution + change, SLOW_REFINEMENT * size
+            if (size <= REFINED * np.abs(solution[self._displacements]).max(axis=0)).all():
+                break
+        return solution
+
     def stiffness(self, mode: np.ndarray) -> float:
         """Stiffness in N/mm of a mode, which is a vector over the unknowns: the product of the tangent with the mode on
         both sides."""

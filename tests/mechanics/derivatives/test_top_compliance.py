@@ -54,6 +54,21 @@ def test_forces_like_those_of_the_load_act_like_it(load, value):
     np.testing.assert_allclose(rate, expected, rtol=0, atol=1e-9 * np.abs(linear.by_value(direction)).max())
 
 
+@pytest.mark.parametrize(("load", "value"), LOADS)
+def test_many_forces_act_like_each_alone(load, value):
+    """At symmetric states and others, beside loads with and without constraints; one set has no forces."""
+    state = load_path(PAD, SILICONE, [value], load=load, mesh_size=SIZE)[0]
+    linear, random = linearise(state), np.random.default_rng(1)
+    forces = random.normal(size=(4, *state.displacement.shape))
+    forces[1] = SpreadForce().nodal(state.mesh)[:, None] * [0.0, 0.0, -1.0]
+    forces[2] = 0
+    together = linear.by_many_forces(forces)
+    for own, found in zip(forces[[0, 1, 3]], together[[0, 1, 3]], strict=True):
+        expected = linear.by_forces(own)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+    assert not together[2].any()
+
+
 def test_patches_share_the_top_and_answer_each_other(rest):
     """Weights sum to 1. Together the patches are the whole top, under the sum of their forces."""
     grid, weights = top_grid(rest.mesh, 0.9)
@@ -101,5 +116,9 @@ def test_what_has_no_grid(rest):
     pressed = load_path(PAD, SILICONE, [(0, 0, -0.02)], load=IndenterForce(Indenter(radius=2.0)), mesh_size=2.5)[0]
     with pytest.raises(InputError, match="beside that of an indenter"):
         linearise(pressed).by_forces(0 * pressed.displacement)
+    with pytest.raises(InputError, match="beside that of an indenter"):
+        linearise(pressed).by_many_forces(0 * pressed.displacement[None])
     with pytest.raises(InputError, match="forces"):
         linearise(rest).by_forces(np.zeros(3))
+    with pytest.raises(InputError, match="forces"):
+        linearise(rest).by_many_forces(np.zeros((2, 3)))
