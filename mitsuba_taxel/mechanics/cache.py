@@ -66,7 +66,8 @@ def holds(name: str) -> bool:
 
 @contextmanager
 def alone(name: str) -> Iterator[None]:
-    """Lock ``name`` against other processes, so that its arrays are computed only once.
+    """Context in which this process alone may compute the arrays called ``name``: other processes wait, so that the
+    arrays are computed only once.
 
     Parameters
     ----------

@@ -60,8 +60,9 @@ class Cut:
         return weighted(self.weights[self.of_vertex], self.nodes[self.of_vertex], values)
 
     def at_nodes(self, gradient: np.ndarray, nodes: int) -> np.ndarray:
-        """Chain rule from vertices to nodes: derivatives (N, C) of a scalar with respect to C components at the N
-        nodes, from its derivatives (V, C) at the V vertices."""
+        """Derivatives (N, C) of a scalar with respect to C components at the N nodes, from its derivatives (V, C) at
+        the V vertices, by the chain rule.
+        """
         number, weights = self.nodes[self.of_vertex].ravel(), self.weights[self.of_vertex]
         sums = (np.bincount(number, (weights * column[:, None]).ravel(), nodes) for column in gradient.T)
         return np.stack(list(sums), axis=1)
@@ -182,10 +183,10 @@ def _grid(n: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _segments(mesh: VolumeMesh, in_cell: np.ndarray, subdivision: int) -> np.ndarray:
-    """Number (F, 3) of segments of each edge of each of F faces.
+    """Number (F, 3) of segments into which each edge of F faces is divided.
 
-    In cells, no segment is longer than those of the longest edge; other edges have two segments, as required by their
-    mid-edge nodes.
+    In cells, no segment is longer than the segments of the longest edge. Other edges have two segments, because they
+    have a mid-edge node.
     """
     corners = mesh.points[mesh.faces[in_cell, :3]]
     length = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
@@ -217,8 +218,8 @@ def _snapped(segments: list[int]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _keys(corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Keys by which coincident points of different faces are recognised: an integer array with a row for each of F * P
-    points.
+    """Keys by which points of different faces are recognised as the same point: an integer array with one row for each
+    of F * P points.
 
     Points have integer barycentric coordinates (P, 3) in faces with corners (F, 3). A key consists of the corners with
     non-zero weights, in order, and these weights.

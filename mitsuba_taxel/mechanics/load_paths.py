@@ -244,15 +244,16 @@ def state_at_rest(
 
 
 def remembering(material: Material | Viscoelastic | Mullins) -> Viscoelastic:
-    """Convert a material to a `Viscoelastic` object. A material that is elastic, or has Mullins' effect, becomes one
-    without relaxing terms."""
+    """Convert a material to a `Viscoelastic` object. An elastic material, or one with Mullins' effect, gets no relaxing
+    terms.
+    """
     if isinstance(material, Mullins):
         return Elastic(material.law, softening=material)
     return material if isinstance(material, Viscoelastic) else Elastic(material)
 
 
 def _elastic_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None) -> State:
-    """The deformed pad under a value of a load, without friction, solved on the elements of :func:`solved_on`."""
+    """The deformed pad under a value of a load, without friction. Elements are refined as in :func:`solved_on`."""
     placed, there = placed_path(path, value)
     try:
         state = solved_by_symmetry(placed, there, obstacles, _compared_state)

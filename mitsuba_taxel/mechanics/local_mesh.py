@@ -147,8 +147,9 @@ def swept_legs(positions: Sequence[tuple[float, float, float]], reach: float) ->
 
 
 def _covers(legs: Sequence[Leg], line: np.ndarray, distance: float) -> bool:
-    """Whether a horizontal straight line, given by its ends (2, 2) in mm, lies within a distance in mm of the
-    indenter's start or of its legs (straight movements)."""
+    """Whether a horizontal line lies within a ``distance`` in mm of the indenter's start, or of a leg (straight
+    movement). The line is given by its ends (2, 2) in mm.
+    """
     count = 2 + int(np.linalg.norm(line[1] - line[0]) / distance)
     points = line[0] + np.linspace(0, 1, count)[:, None] * (line[1] - line[0])
     distances = np.linalg.norm(points, axis=1)
@@ -158,8 +159,9 @@ def _covers(legs: Sequence[Leg], line: np.ndarray, distance: float) -> bool:
 
 
 def _continues(leg: Leg, line: np.ndarray, distance: float) -> bool:
-    """Whether a horizontal straight line, given by its ends (2, 2) in mm, begins on a leg (straight movement of the
-    indenter) and continues in its direction."""
+    """Whether a horizontal line begins on a leg (straight movement of the indenter) and continues in its direction. The
+    line is given by its ends (2, 2) in mm; it may be a ``distance`` in mm away from the leg.
+    """
     start, end = np.array(leg)
     along = (end - start) / max(float(np.linalg.norm(end - start)), TINY)
     across = line - start - np.outer((line - start) @ along, along)
@@ -198,7 +200,7 @@ def _keeps(mirror: Mirror, legs: Sequence[Leg]) -> bool:
 
 
 def _completed(part: VolumeMesh, mirror: Mirror, cells: np.ndarray) -> VolumeMesh:
-    """Join a mesh with its mirror image. In the image, a cell c has the number ``cells[c]``."""
+    """Join a mesh with its mirror image. ``cells[c]`` is the number that a cell c gets in the image."""
     joined = mirrored(part, mirror)
     cell = joined.face_cell.copy()
     cell[len(part.faces) :] = cells[part.face_cell]

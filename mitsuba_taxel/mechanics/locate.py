@@ -17,7 +17,7 @@ from mitsuba_taxel.mechanics.point_locator import PointLocator, locator_of
 def carried(
     mesh: VolumeMesh, displacement: np.ndarray, pressure: np.ndarray, other: VolumeMesh, tolerance: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Interpolate displacements and pressures on another mesh of the same pad.
+    """Interpolate the displacements and pressures of a pad at the nodes of another mesh of the same pad.
 
     Parameters
     ----------

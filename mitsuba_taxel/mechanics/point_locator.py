@@ -167,11 +167,10 @@ class PointLocator:
     def _likely(
         self, x: np.ndarray, row: np.ndarray, candidate: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Candidates for the search: K pairs of a point and an element that may contain it, with the reference
+        """Pairs of a point and an element that may contain it: the two indices (K,) of K pairs, and the reference
         coordinates (K, 3) of the point in the straight tetrahedron between the element's corners.
 
-        A point is a candidate if these coordinates are within the range of the coordinates of the curved element's
-        hull.
+        A pair is kept if these coordinates are within the range of the coordinates of the curved element's hull.
         """
         used, number = np.unique(candidate, return_inverse=True)
         nodes = self.mesh.points[self.mesh.tets[used]]
@@ -316,8 +315,9 @@ def _checked(points: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
 
 
 def _triangle_slopes(barycentric: np.ndarray) -> np.ndarray:
-    """Derivatives (Q, 6, 3) of a triangle's shape functions with respect to its three barycentric coordinates, taken as
-    independent."""
+    """Derivatives (Q, 6, 3) of the six shape functions of a triangle with respect to its three barycentric coordinates,
+    as if these were independent variables.
+    """
     slopes = np.zeros((len(barycentric), 6, 3))
     slopes[:, range(3), range(3)] = 4 * barycentric - 1
     for node, (i, j) in enumerate(FACE_EDGES, start=3):

@@ -64,17 +64,18 @@ class Friction:
         return FrictionState(*np.zeros((2, len(self._body.node), 3)))
 
     def slip_position(self, displacement: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        """Position (m, 3) of the pad's faces relative to the indenter, integrated around each of m contact nodes, in
-        mm³, as in :class:`FrictionState`.
+        """Position (m, 3) of the pad's faces relative to the indenter, in mm³: weighted with the linear shape function
+        of each of m contact nodes, and integrated over the faces; see :class:`FrictionState`.
 
-        Computed from the ``displacement`` (N, 3) of the nodes and the displacement ``moved`` (3,) of the indenter, in
+        It follows from the ``displacement`` (N, 3) of the nodes and the displacement ``moved`` (3,) of the indenter, in
         mm.
         """
         return self._body.carried @ displacement - self._body.area[:, None] * moved
 
     def tangents(self, contact_state: ContactState) -> np.ndarray:
-        """Two unit vectors (m, 2, 3) along the surface of the indenter at each of m contact nodes; 0 for a direction
-        across the plane of a mirror."""
+        """Two orthogonal unit vectors (m, 2, 3), tangential to the indenter, at each of m contact nodes. A vector that
+        is normal to a plane of symmetry is replaced by 0, because the node cannot slide in this direction.
+        """
         normal = (
             contact_state.area_normal / np.maximum(np.linalg.norm(contact_state.area_normal, axis=1), TINY)[:, None]
         )
@@ -88,8 +89,8 @@ class Friction:
         return np.stack([first, second], axis=1)
 
     def rows(self, tangents: np.ndarray) -> sparse.csr_array:
-        """Derivative of the slip at m contact nodes with respect to the displacements of N nodes, (2 m, 3 N) in mm²:
-        first of the slip along the first tangents, then of that along the second.
+        """Derivative (2 m, 3 N), in mm², of the slip at m contact nodes with respect to the displacements of N nodes.
+        The first m rows are for the slip along the first tangents, the others for the slip along the second tangents.
         """
         x, y, z = (np.concatenate([tangents[:, 0, axis], tangents[:, 1, axis]]) for axis in range(3))
         doubled = [sparse.csr_array(sparse.vstack([rows, rows])) for rows in self._rows]

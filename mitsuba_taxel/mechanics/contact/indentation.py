@@ -149,16 +149,16 @@ class Indentation:
         )
 
     def nodal(self, values: np.ndarray) -> np.ndarray:
-        """Convert values (m, 3) at the contact pressures to an array (2 N, 3) over all nodes, first on the top, then on
-        the outside; 0 at nodes without a pressure.
+        """Distribute values (m, 3) at the m contact pressures to an array (2 N, 3) for all N nodes: first for nodes of
+        the top, then for nodes of the outside. Nodes without a contact pressure get 0.
         """
         at_nodes = np.zeros((2, len(self._mesh.points), 3))
         at_nodes[self.outside, self.node] = values
         return at_nodes.reshape(-1, 3)
 
     def at_nodes(self, nodal: np.ndarray) -> np.ndarray:
-        """Select, from an array of :meth:`nodal` over all nodes, the values (m, 3) at nodes with a contact pressure;
-        zeros for an empty array.
+        """Select the values (m, 3) at nodes with a contact pressure from an array that :meth:`nodal` has made; zeros if
+        the array is empty.
         """
         if not len(nodal):
             return np.zeros((len(self.node), 3))
@@ -275,7 +275,9 @@ class Indentation:
         return self.faces[active], matrices.reshape(-1, 18, 18)
 
     def _turning(self, contact: ContactState) -> np.ndarray:
-        """Derivative (B, q, 3, 3) in N/mm of the contact force at each of q quadrature points of B faces with respect
-        to the position of the point. Only the rotation of the indenter's normal is included."""
+        """Derivative (B, q, 3, 3), in N/mm, of the contact force at each of q quadrature points of B faces with respect
+        to the position of the point. It includes only the change of the force's direction, which follows the normal of
+        the indenter.
+        """
         force = np.einsum("bqh,bh->bq", self._weights, contact.pressure[self.numbers])
         return force[:, :, None, None] * contact.gaps.curvature.reshape(*force.shape, 3, 3)

@@ -121,7 +121,7 @@ class IndenterShape(Kind, family="indenter"):
 
     @abstractmethod
     def keeps(self, mirror: Mirror) -> bool:
-        """Whether the body at its start position is symmetric in a plane of symmetry (mirror) of the pad.
+        """Whether the body, at its start position, is symmetric about a plane of symmetry (mirror) of the pad.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def highest(self, points: np.ndarray) -> int:
-        """The point of a pad above which the body starts: by default the highest one.
+        """Index of the point of the pad above which the body starts; by default, the highest point.
 
         Parameters
         ----------
@@ -198,7 +198,8 @@ class IndenterShape(Kind, family="indenter"):
 
     @abstractmethod
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances of points from the location where the gradient of the contact pressure is largest.
+        """Distances of points from the places on the contact where the contact pressure changes most steeply, for a
+        body that is neither turned nor tilted. Elements are refined there.
 
         Parameters
         ----------
@@ -219,8 +220,8 @@ class IndenterShape(Kind, family="indenter"):
         """
 
     def distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances of points from the location where the gradient of the contact pressure under the rotated body is
-        largest.
+        """Distances of points from the places on the contact where the contact pressure changes most steeply, for the
+        turned and tilted body. Elements are refined there.
 
         Parameters
         ----------
@@ -348,8 +349,9 @@ class RoundBody(IndenterShape):
         return Gap(size, normal, curvature)
 
     def contact_radius(self, depth: float) -> float:
-        """Half the width of the contact, by Hertz's theory for a ball. The value of a ball is used for a rod as well,
-        because on a half-space the contact does not determine the depth of a rod."""
+        """Half the width of the contact in mm at a ``depth`` in mm, by Hertz's theory for a ball. A rod gets the same
+        value: for a rod on a half-space, Hertz's theory has no finite depth.
+        """
         radius = self.indenter.radius
         return math.sqrt(radius * min(depth, self.deepest * radius))
 

@@ -90,7 +90,8 @@ def depth_of(
     follow: Callable[[np.ndarray], object],
     keep: Callable[[LoadSegment, Node], None],
 ) -> float:
-    """Depth of an indenter under a force, read from disk or found by following the segment along z.
+    """Depth of an indenter under a given force. It is read from disk if it is cached there; otherwise the indenter is
+    pushed down along z until it exerts this force.
 
     Parameters
     ----------

@@ -41,14 +41,15 @@ class LoadPathEnds(ComputationError):
         self.load, self.value, self.contact = load, value, contact
 
     def at(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same error, stated for another kind of load and the value of that load at the end of the path."""
+        """Copy of this error for another kind of load: ``value`` is the value of that load at the end of the path."""
         assert self.load is not None and self.value is not None
         words = str(self).replace(_shown(self.load, self.value), _shown(load, value))
         return LoadPathEnds(words, load, value, self.contact)
 
     def under(self, load: Load, value: np.ndarray) -> LoadPathEnds:
-        """The same error for an indenter that is pressed by a force: its message states the force first, then the
-        displacement."""
+        """Copy of this error for an indenter that is pressed by a force. Its message states the largest force first,
+        then the displacement of the indenter.
+        """
         assert self.load is not None and self.value is not None
         driven = _shown(self.load, self.value)
         return LoadPathEnds(str(self).replace(driven, f"{_shown(load, value)}, {driven}"), load, value, self.contact)

@@ -32,10 +32,11 @@ CONTACT_RESOLUTION = 1e-3 * TICKS
 
 
 class Followed(Protocol):
-    """Interface of a pad whose equilibria are followed along a segment: states under values of a load, or of another
-    path parameter.
+    """Interface of a pad whose equilibria are computed along a segment of a load path, under growing values of a load
+    or of another parameter.
 
-    Methods are those of a `LoadedPad`. Solves return a linearised pad, which the segment only passes to the next solve.
+    Methods are those of a `LoadedPad`. A solve also returns the linearised equations, which the segment passes
+    unchanged to the next solve.
     """
 
     solves_between: ClassVar[bool]
@@ -268,8 +269,9 @@ class LoadSegment:
         return bool(error <= self.tolerance * np.abs(unknowns[:displacements]).max())
 
     def _look_for_contact(self, pad: Followed, test: ContactTest) -> None:
-        """If the pad is in contact at the last solved state, end the segment at the first contact after the state
-        before it."""
+        """If the pad is in contact at the last solved state, find the first contact after the previous solved state,
+        and end the segment there.
+        """
         if len(self.nodes) < 2 or math.isfinite(self.limit):
             return
         find = test.find_package if pad.load.self_contact else test.find
@@ -394,7 +396,7 @@ class LoadSegment:
         return hermite_rate(*self.interval(s), s)
 
     def beyond(self, pad: LoadedPad, s: float) -> Node:
-        """The equilibrium at a distance slightly beyond the last solved state.
+        """The equilibrium at a distance slightly larger than that of the last solved state.
 
         Parameters
         ----------

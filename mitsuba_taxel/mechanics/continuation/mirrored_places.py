@@ -28,8 +28,8 @@ Mirrors = tuple[Mirror, ...]
 
 
 def canonical_place(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray, Mirrors]:
-    """Map an indenter on a symmetric pad to its canonical position: of all positions that are mirror images, the one
-    that is solved. Returns the load path and the load there, and the mirrors that map to it.
+    """Map the position of an indenter on a symmetric pad to its canonical position. This is the one of all mirror
+    images of the position at which the state is solved.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def mirrored_state(path: PadPath, state: State, mirrors: Mirrors) -> State:
 
 @kept(8)
 def mirrored_mesh(mesh: VolumeMesh, common: VolumeMesh, mirrors: Mirrors) -> VolumeMesh:
-    """A refined mesh after reflection by some mirrors in turn, with the same numbers of nodes.
+    """Reflect a refined mesh in several planes of symmetry, one after the other. Nodes keep their numbers.
 
     Parameters
     ----------

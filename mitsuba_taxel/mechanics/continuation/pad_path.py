@@ -66,8 +66,8 @@ class PadPath(PathStates):
 
     @cached_property
     def driven(self) -> PadPath:
-        """The load path under a prescribed displacement of the indenter, on which states under a given force on the
-        indenter are found.
+        """The load path of the same pad when the displacement of the indenter is prescribed. A state under a given
+        force of the indenter is found on this path, by a search for the depth.
         """
         assert self.load.driven is not None
         arguments = self.pad, self.material, self.load.driven, self.mesh_size, self.judged
@@ -133,8 +133,9 @@ class PadPath(PathStates):
         )
 
     def bearing(self, value: np.ndarray) -> PadPath:
-        """The path on which the state under a value is solved: this path or, if the pad becomes unstable on the coarser
-        elements of ``judged_on``, the same path with stability tested on its own elements.
+        """The load path on which the state under a value of the load is solved. It is this path, unless the pad becomes
+        unstable on the coarser elements of ``judged_on``: then it is the same path with stability tested on its own
+        elements.
         """
         if self.judge is None:
             return self
@@ -146,7 +147,8 @@ class PadPath(PathStates):
         return self if bears else self._like(self.mesh_size)
 
     def like(self, load: Load | None = None, refinement: Refinement | None = None) -> PadPath:
-        """The load path of the same pad under another load, or with a differently refined mesh under the indenter.
+        """The load path of the same pad under another load, or with a mesh that is refined differently under the
+        indenter.
 
         Parameters
         ----------

@@ -11,9 +11,10 @@ from mitsuba_taxel.mechanics.equilibrium.solution import Solution
 
 @dataclass(frozen=True)
 class Node:
-    """A solved state on a segment at distance ``s`` (N, mm or MPa) from its start, with the tangent d(unknowns)/ds.
+    """A solved state on a segment of a load path, at the distance ``s`` (N, mm or MPa) from its start.
 
-    ``seconds`` is the time of its solution.
+    ``tangent`` is the derivative of the unknowns with respect to ``s``, and ``seconds`` the time that the solution
+    took.
     """
 
     s: float
@@ -28,11 +29,11 @@ class Node:
 
 @dataclass(frozen=True)
 class Interpolated:
-    """A state at or between nodes, with its residual, smallest volume ratio and iterations, and the time in s that the
-    solution of all nodes up to it took.
+    """A state on a segment of a load path, either solved or interpolated between two solved states (nodes).
 
-    ``iterations`` is 0 between nodes; ``stability_checked`` states whether the stability of the state, or of the nodes
-    on both sides, was tested.
+    It holds the residual, the smallest volume ratio, and the time in s that the solution of all nodes up to it took.
+    ``iterations`` is 0 for an interpolated state. ``stability_checked`` states whether the stability was tested, for
+    this state or for the nodes on both sides.
     """
 
     unknowns: np.ndarray

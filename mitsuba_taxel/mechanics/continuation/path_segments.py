@@ -29,7 +29,7 @@ Touch = Callable[[LoadSegment, Followed], tuple[float, Contact] | None]
 
 
 def nothing(segment: LoadSegment, pad: Followed) -> None:
-    """Replacement for the search for a contact on a load path without obstacles; always returns None."""
+    """Return None: the search for a contact on a load path without obstacles."""
 
 
 class PathSegments:
@@ -41,7 +41,7 @@ class PathSegments:
         self.branches: dict[LoadSegment, BuckledBranch] = {}
 
     def to(self, value: np.ndarray) -> list[tuple[LoadSegment, float]]:
-        """The straight segments of the load path to ``value``, each with the distance up to which the path follows it.
+        """The straight segments of the load path to ``value``, and for each the distance at which the path leaves it.
         """
         normal = normal_part(value)
         others = value - normal
@@ -54,8 +54,9 @@ class PathSegments:
         return segments
 
     def _size(self, change: np.ndarray) -> float:
-        """Magnitude in N of a change of a tangential load. Its moment is divided by a length of the load, so that it
-        has the unit of a force."""
+        """Magnitude, in N, of a change of a tangential load. A moment is divided by a length of the load, which makes
+        it a force.
+        """
         tangential = float(np.hypot(*change[:2])) if len(change) > 1 else 0.0
         if len(change) <= 3:
             return tangential
@@ -110,8 +111,8 @@ class PathSegments:
         return self.pad_between(mirrors, segment.ticks if segment else TICKS)
 
     def pad_between(self, mirrors: tuple[Mirror, ...], ticks: int) -> LoadedPad:
-        """The part of the pad between planes of symmetry (mirrors), with the equations that a segment with this number
-        of ticks needs.
+        """The part of the pad that is bounded by planes of symmetry (mirrors), with the equations for a segment that
+        has this number of ticks (shortest intervals) in a step.
         """
         return loaded_pad(self._path.mesh, self._path.material, self._path.load, mirrors, self._path.bodies, ticks)
 
@@ -263,7 +264,8 @@ class PathSegments:
         return self._path.judged and load.indenter is None and not load.tilts
 
     def follow_normal(self, value: np.ndarray) -> None:
-        """Solve the segment on which only the normal load grows. If the pad buckles on it, the state loses symmetries.
+        """Solve the segment on which only the normal load grows, to learn whether the pad buckles on it: a buckled pad
+        has fewer planes of symmetry.
         """
         normal = normal_part(value)
         if self.may_buckle and normal.any() and (value - normal).any():

@@ -1,5 +1,8 @@
-"""States of a load path that are solved: interpolated on its segments and branches, or found at the depth where an
-indenter exerts a force. Mirror images of these states are not solved."""
+"""States of a load path at requested loads.
+
+A state is interpolated on a segment or branch of the path. Under a force on an indenter it is found at the depth where
+the indenter exerts this force. Of loads that are mirror images of each other, only one is solved.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +66,8 @@ class PathStates(PathProblem):
 
     @property
     def driven(self) -> PathStates:
-        """The load path under a prescribed displacement of the indenter, on which states under a given force are found.
+        """The load path of the same pad when the displacement of the indenter is prescribed; states under a given force
+        are found on it.
         """
         raise NotImplementedError(f"{self.load} drives no other load")
 
@@ -94,8 +98,9 @@ class PathStates(PathProblem):
     def _canonical_driven(
         self, moved: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-        """State of the path under a displacement of the indenter; see :meth:`canonical`. If that path ends, the error
-        reports the largest force."""
+        """State of the pad under a prescribed displacement of the indenter, as :meth:`canonical` computes it. If the
+        load path ends before, the error states the largest force.
+        """
         driven = self.driven
         try:
             return driven.canonical(moved, mirrors, obstacles)
@@ -109,8 +114,9 @@ class PathStates(PathProblem):
             raise end.under(self.load, np.array([0.0, 0.0, -carried])) from end
 
     def turned(self, value: np.ndarray) -> tuple[np.ndarray, list[Mirror]]:
-        """Canonical load of a load: its mirror image that is solved. Also returns the planes (mirrors) in which the
-        load was reflected."""
+        """Reflect a load to its canonical mirror image, the one that is solved. Returns this load, and the planes
+        (mirrors) in which the load was reflected.
+        """
         used: list[Mirror] = []
         self.segments.follow_normal(value)
         for mirror in self.segments.mirrors_at(value):
@@ -146,8 +152,10 @@ class PathStates(PathProblem):
         return displacement, pressure
 
     def _rate(self, value: np.ndarray, mirrors: list[Mirror]) -> PathRate | None:
-        """Derivative of a state with respect to the distance along its load path. The state is solved for the canonical
-        (mirrored) load; ``mirrors`` map it back."""
+        """Derivative of a state with respect to the distance along its load path; None if it is not known.
+
+        It is computed for the canonical load, the mirror image that is solved, and reflected back in the ``mirrors``.
+        """
         if not value.any():
             return None
         if self.load.driven is not None:
@@ -188,8 +196,8 @@ class PathStates(PathProblem):
     def canonical(
         self, value: np.ndarray, mirrors: list[Mirror], obstacles: Obstacles | None
     ) -> tuple[np.ndarray, np.ndarray, Interpolated]:
-        """Displacement, pressure and solver figures of the state under a canonical load: of all mirror images of a
-        load, the one that is solved.
+        """Displacement, pressure and quality of the solution under a canonical load: of all mirror images of a load,
+        the one that is solved.
 
         Parameters
         ----------
@@ -289,8 +297,9 @@ class PathStates(PathProblem):
         mirrors: list[Mirror],
         folded_at: Place | None = None,
     ) -> LoadPathEnds:
-        """The error that a load path ends too early. It names the requested load, which ``mirrors`` map to the load of
-        the segment."""
+        """Create the error that the load path ends before the requested load. The message names the requested load,
+        which is found by reflection of ``value`` in the ``mirrors``.
+        """
         buckled_at = self.segments.buckled_at(value, mirrors)
         for mirror in reversed(mirrors):
             value, place = mirrored_value(mirror, value), mirror.image(place)
@@ -303,5 +312,7 @@ def _at_rest(state: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarr
 
 
 def _in_balance(pad: LoadedPad, near: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and pressure in equilibrium under a load: Newton's method starts from an interpolated state."""
+    """Displacement and pressure in equilibrium under a load, by Newton's method from the state ``near``, which is
+    interpolated.
+    """
     return pad.split(pad.equilibrium(near, value))

@@ -101,8 +101,9 @@ class PushedStates:
         tangent, little = self._tangent(pad), SMALL * segment.step
 
         def correction(rate: np.ndarray) -> np.ndarray | None:
-            """Correction of the derivative ``rate`` of the unknowns. It reduces the change of the out-of-balance forces
-            along the segment."""
+            """Newton correction to an estimate of the derivative ``rate`` of the unknowns: it reduces the rate of
+            change of the out-of-balance forces along the segment.
+            """
             ahead, behind = (
                 pad.correction(tangent, unknowns + change * rate, segment.value(s + change))
                 for change in (little, -little)
@@ -127,8 +128,9 @@ class PushedStates:
         return tangent_blocks(self._pad)
 
     def _factor(self, block: TangentBlock) -> Factorisation:
-        """Factor of one symmetry block of the tangent matrix under the normal force; raises Rejected if the block is
-        unstable."""
+        """Factored tangent matrix under the normal force, for one symmetry block; raises `Rejected` if the pad is
+        unstable against displacements of this symmetry.
+        """
         at_normal = self._at_normal[1]
         if block.model is self._pad.model:
             return at_normal.factor

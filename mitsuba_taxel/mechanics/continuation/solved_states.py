@@ -82,8 +82,9 @@ class SolvedStates:
         return solved[s]
 
     def _tangent_at(self, segment: LoadSegment, pad: LoadedPad, node: Node) -> Linearised:
-        """Tangent matrix of the pad at a solved state (node) of the path. It depends on the node alone, so states that
-        use its factor are reproducible."""
+        """Tangent matrix of the pad at a solved state (node) of the load path. It depends on the node alone, so states
+        that are solved with it do not depend on the order of requests.
+        """
         return _linearised_at(pad, node.unknowns.tobytes(), segment.value(node.s).tobytes())
 
     def keep(self, segment: LoadSegment, node: Node) -> None:
@@ -129,10 +130,10 @@ class SolvedStates:
         return part.at(pad, s)
 
     def beside(self, segment: LoadSegment, s: float, pad: LoadedPad) -> Interpolated | None:
-        """The state under a normal and a small tangential force, solved with the tangent stiffness under the normal
-        force alone.
+        """State under a normal and a small tangential force, solved with the tangent stiffness under the normal force
+        alone.
 
-        None if the iteration with that tangent does not converge, or if the pad then touches itself or the board.
+        Returns None if this iteration does not converge, or if the pad then touches itself or the board.
 
         Parameters
         ----------
@@ -171,8 +172,8 @@ class SolvedStates:
         return None if self._path.contact.find(pad.split(state.unknowns)[0]) else state
 
     def rate_beside(self, segment: LoadSegment, s: float, pad: LoadedPad, unknowns: np.ndarray) -> np.ndarray:
-        """Derivative of the unknowns of a state from :meth:`beside` with respect to the tangential force (distance
-        along the segment).
+        """Derivative of the unknowns of a state from :meth:`beside` with respect to the tangential force, which is the
+        distance along the segment.
 
         Parameters
         ----------
@@ -203,8 +204,7 @@ class SolvedStates:
         return rates[s]
 
     def pushed_from(self, normal: np.ndarray) -> PushedStates:
-        """States under a given normal force (3,) in N and a small tangential force in addition, as an object that
-        solves them."""
+        """Solver for states under a given normal force (3,) in N and an additional small tangential force."""
         assert self._state_under is not None
         displacement, pressure = self._state_under(normal)
         pad = self._segments.pad_for(np.zeros(3), normal if normal.any() else np.array([0.0, 0.0, -1.0]))
@@ -217,7 +217,7 @@ def _linearised_at(pad: LoadedPad, unknowns: bytes, value: bytes) -> Linearised:
 
 
 def release_factor() -> None:
-    """Free the memory of the factored matrix that was used last to solve states between two nodes of a load path."""
+    """Free the memory of the factored tangent matrix that was used last."""
     clear_caches(_linearised_at)
 
 

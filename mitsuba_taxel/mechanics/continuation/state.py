@@ -46,11 +46,10 @@ NO_ERROR = RoofError(0.0, 0.0, 0.0, 0.0)
 
 
 class StateComparison(NamedTuple):
-    """Estimated errors of a state, from comparison with a solution on a second mesh. The fields have the names and
-    units of :class:`State`; the time of the second solution is in s.
+    """Estimated errors of a state, from a second solution on another mesh.
 
-    ``deviate`` computes :attr:`State.deviations`, the changes of the displacement on coarser elements, which are needed
-    for the errors of readings only.
+    The fields have the names and units of :class:`State`; the time of the second solution is in s. The function
+    ``deviate`` computes :attr:`State.deviations`, which are needed only for the errors of readings.
     """
 
     error: RoofError | None = None
@@ -60,11 +59,11 @@ class StateComparison(NamedTuple):
 
 
 def _no_rate() -> None:
-    """Return None in place of the derivative with respect to the load, for a state that is not on a load path."""
+    """Return None: the derivative with respect to the load of a state that is not on a load path."""
 
 
 class PathRate(NamedTuple):
-    """Derivative of a state with respect to the load; see ``path_rate`` of :class:`State`."""
+    """Direction of the load, and the derivative of the displacement along it; see ``path_rate`` of :class:`State`."""
 
     direction: np.ndarray
     displacement: np.ndarray
@@ -182,17 +181,18 @@ class State(Displayed):
 
     @cached_property
     def deviations(self) -> np.ndarray | None:
-        """Estimated error of the displacement in parts (2, N, 3), in mm, for elements of twice the size: the component
-        along the displacement, and the remainder; None if unknown.
+        """Estimated error that the displacement would have on elements of twice the size, in mm: two arrays (2, N, 3),
+        whose sum is the error. The first is the component along the displacement, the second is the rest. None if
+        unknown.
         """
         return None if self._compared.deviate is None else self._compared.deviate()
 
     @property
     def probed_share(self) -> float:
-        """Fraction of the :attr:`deviations` by which a pad is displaced to compute how they change the readings.
+        """Fraction of :attr:`deviations` by which the pad is displaced in order to compute the error of a reading.
 
-        In general, changes of readings are proportional to this fraction. If the pad may touch bodies, they are not,
-        and the fraction is that of the error.
+        The change of a reading is usually proportional to this fraction. It is not if the pad may touch bodies; then
+        the fraction is that of the estimated error itself.
         """
         return 1.0 if self.bodies is None else ERROR_SHARE
 
@@ -203,6 +203,7 @@ class State(Displayed):
 
     @property
     def seconds(self) -> float:
-        """Seconds that the solution of all equilibria of the path up to this state took, on both meshes, even if
-        cached."""
+        """Time in s to solve all equilibria of the load path up to this state, on both meshes. Cached states count with
+        the time that they once took.
+        """
         return self.solved_in + self._compared.seconds

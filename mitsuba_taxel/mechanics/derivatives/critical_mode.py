@@ -104,7 +104,7 @@ class CriticalMode:
         return float(self._mode @ symmetric_product(model.assembly.matrix(entries), self._mode))
 
     def _symmetric(self, field: np.ndarray) -> np.ndarray:
-        """The component of a vector field (N, 3) at the nodes that has the symmetry of the state."""
+        """Component of a vector field (N, 3) at the nodes that has the symmetry of the deformed pad."""
         symmetric_part = self._blocks[0].model.part
         return symmetric_part.expand(self._blocks[0].of_field(field), np.zeros(self._state.mesh.corner_count))[0]
 

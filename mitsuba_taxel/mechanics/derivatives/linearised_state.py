@@ -306,9 +306,10 @@ class LinearisedState:
         return Gradient(value, material, {name: along(push) for name, push in pushes.items()})
 
     def _response(self, push: Push, gaps: Push | None = None) -> np.ndarray:
-        """Derivative (N, 3) of the displacement with respect to a parameter. One unit of the parameter causes the nodal
-        forces ``push``, and moves a plate with a prescribed displacement by ``gaps``; without ``gaps``, the plate is
-        fixed."""
+        """Derivative (N, 3) of the displacement with respect to a parameter. ``push`` contains the nodal forces that
+        one unit of the parameter causes, ``gaps`` the displacement of a plate that it prescribes; without ``gaps`` the
+        plate is fixed.
+        """
         total = np.zeros_like(self.displacement)
         for block, forces in push.items():
             rate = self._solved(block, forces, gaps[block] if gaps else None)
@@ -329,8 +330,7 @@ class LinearisedState:
         return self._tangents[model]
 
     def _on(self, block: TangentBlock) -> tuple[np.ndarray, np.ndarray]:
-        """Displacement and pressure on the symmetric part of the pad on which one block of the tangent matrix is
-        solved."""
+        """Displacement and pressure on the part of the pad to which one block of the tangent matrix belongs."""
         return block.model.part.restrict(self.displacement, self.pressure)
 
     def _strained_elements(self, block: TangentBlock) -> StrainedElements:
@@ -398,8 +398,8 @@ class LinearisedState:
 
 
 class PressedState(LinearisedState):
-    """A pad under a force along z on an indenter, linearised. The indenter moves so that the force stays constant when
-    material or shape change.
+    """A linearised pad under a force along z on an indenter. When material or shape change, the indenter moves such
+    that the force stays constant.
 
     The load of the linearised pad is the displacement of the indenter.
     """
@@ -432,8 +432,9 @@ class PressedState(LinearisedState):
 
     def pull_back(self, gradient: np.ndarray, shapes: Mapping[str, np.ndarray] | None = None) -> Gradient:
         """Derivatives of a scalar L with respect to force, material and shape, from its derivatives ``gradient`` (N, 3)
-        with respect to the displacements of the nodes. With respect to the force, the derivative exists along z alone;
-        the others are NaN. See :meth:`LinearisedState.pull_back`."""
+        with respect to the displacements of the nodes; see :meth:`LinearisedState.pull_back`. Of the derivatives with
+        respect to the force, only the one along z exists; the others are NaN.
+        """
         gradient = array_of("gradient", gradient, self.displacement.shape)
         by_force = float(np.vdot(gradient, self._by_height)) / self._stiffness
         at_depth = super().pull_back(gradient - by_force * self._body.force_gradient(self._contact_state), shapes)
@@ -445,9 +446,9 @@ class PressedState(LinearisedState):
         return Gradient(np.array([np.nan, np.nan, by_force]), material, shape)
 
     def _under_force(self, rate: np.ndarray, gain: float) -> np.ndarray:
-        """Derivative (N, 3) of the nodes' displacements with respect to a parameter at a constant force of the
-        indenter, from the derivative ``rate`` at a constant depth. ``gain`` is the derivative of the force at constant
-        displacements.
+        """Derivative (N, 3) of the nodes' displacements with respect to a parameter, at a constant force of the
+        indenter. It follows from the derivative ``rate`` at a constant depth, and from the derivative ``gain`` of the
+        force at constant displacements.
         """
         gain += float(self._body.force_rate(self._contact_state, np.zeros(3), rate)[2])
         return rate - gain / self._stiffness * self._by_height
@@ -483,7 +484,7 @@ class PressedState(LinearisedState):
 
 @contextmanager
 def rejections_named(load: Load, value: np.ndarray) -> Iterator[None]:
-    """Turn a failed solution, or a lack of memory, within the block into a ComputationError that names the load."""
+    """Convert a failed solution, or a lack of memory, within the block to a `ComputationError` that names the load."""
     try:
         with memory_for("the tangent of the pad"):
             yield

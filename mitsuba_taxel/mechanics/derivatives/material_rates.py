@@ -65,6 +65,7 @@ def _allows(material: Material, name: str, value: float) -> bool:
 
 
 def _scale(material: Material, name: str) -> float:
-    """Scale in which a material parameter is changed for a difference quotient if its value is 0: 1 for Poisson's
-    ratio, else the shear modulus."""
+    """Scale of the change of a material parameter in a difference quotient if the value of the parameter is 0: 1 for
+    Poisson's ratio, the shear modulus for all others.
+    """
     return 1.0 if name == "poisson_ratio" else material.shear_modulus

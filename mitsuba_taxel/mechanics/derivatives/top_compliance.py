@@ -115,7 +115,7 @@ def top_grid(mesh: VolumeMesh, spacing: float) -> tuple[TopGrid, sparse.csr_arra
 
 
 def patch_responses(linear: LinearisedState, weights: sparse.csr_array) -> Iterator[np.ndarray]:
-    """Displacement of the pad by 1 N of pressure on each patch in turn, to first order.
+    """Displacement of the pad, to first order, when 1 N is spread over one patch of the top; for each patch in turn.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class InternalForces:
 
 
 class Assembly:
-    """A mesh of one material, assembled over the unknowns of a numbering.
+    """The equations of a mesh of one material, assembled over the numbered unknowns.
 
     Parameters
     ----------
@@ -124,8 +124,9 @@ class Assembly:
     def over_unknowns(
         self, forces: np.ndarray, volumes: np.ndarray, displacement: np.ndarray | None = None
     ) -> np.ndarray:
-        """Residual (unknowns,) of the pad: sum of element forces (m, 10, 3) and volumes (m, 4) over the elements at
-        each unknown; see :meth:`Numbering.over_unknowns`."""
+        """Sum (unknowns,) of element forces (m, 10, 3) and volumes (m, 4) at each unknown of the pad: the residual; see
+        :meth:`Numbering.over_unknowns`.
+        """
         return self.numbering.over_unknowns(self._nodal(forces, volumes), displacement)
 
     def _nodal(self, forces: np.ndarray, volumes: np.ndarray) -> np.ndarray:
@@ -150,7 +151,9 @@ class Assembly:
 
 
 class _Pattern:
-    """Positions in the sparse lower triangle over the unknowns to which the entries of the mesh's matrix are added."""
+    """For each entry of the mesh's matrix: the position, in the sparse lower triangle over the unknowns, to which it is
+    added.
+    """
 
     def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
         # Indices of 32 bits and factors of 8 halve the memory of the patterns of large pads.

@@ -86,12 +86,13 @@ class Numbering:
         return unknowns
 
     def summed(self, forces: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
-        """Sum (unknowns,) of nodal forces (N, 3) on each unknown; see :meth:`over_unknowns`."""
+        """Sum (unknowns,) of the nodal forces (N, 3) that act on each unknown; see :meth:`over_unknowns`."""
         residual = np.concatenate([forces.ravel(), np.zeros(len(self.unknown) - forces.size)])
         return self.over_unknowns(residual, displacement)
 
     def over_unknowns(self, residual: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
-        """Sum (unknowns,) of forces and volumes (3 N + corners,) on each unknown.
+        """Sum (unknowns,) of the forces on nodes and the volumes at corners, (3 N + corners,), that belong to each
+        unknown.
 
         The moments of forces on a plate that rotates depend on its ``displacement`` (N, 3); None for the state at rest.
         """
@@ -111,8 +112,9 @@ class Numbering:
         return np.unique(self.plate[self.plate >= 0])
 
     def on_plate(self, wrench: np.ndarray) -> np.ndarray:
-        """Components (unknowns,) of a load on the plate along all unknowns: of a force (3,) in N, or, if the plate
-        rotates, of a force and a moment (6,)."""
+        """Convert a load on the plate to a vector over all unknowns: a force (3,) in N or, if the plate rotates, a
+        force and a moment (6,).
+        """
         assert self.plate is not None and self.plate_sign is not None
         moving = self.plate >= 0
         weights = (self.plate_sign * wrench[:3])[moving]
@@ -181,8 +183,9 @@ def number_unknowns(
 
 
 class _Dofs:
-    """Constraints of the degrees of freedom (N, 3) of the nodes: whether each is fixed, and which other degree of
-    freedom it equals, with which sign."""
+    """Constraints of the degrees of freedom (N, 3) of the nodes. Each one may be fixed, or equal plus or minus another
+    one.
+    """
 
     def __init__(self, fixed: np.ndarray, corners: int) -> None:
         self.root = np.arange(3 * len(fixed)).reshape(-1, 3)

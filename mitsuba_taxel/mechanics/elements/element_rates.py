@@ -73,7 +73,7 @@ class StrainedElements:
         self._chunks = in_turns(chunk_at, len(elements.nodes))
 
     def of(self, material: Material) -> Forces:
-        """Internal forces and volumes of all elements if the pad were of another material, at the same displacement."""
+        """Internal forces and volumes of all elements at the same displacement, but of another material."""
 
         def forces(chunk: _Chunk) -> Forces:
             stress, excess = chunk.stress(material)

@@ -243,8 +243,8 @@ class Elements:
         return ElementState(forces, volumes, matrices if lowest > 0 else None, lowest)
 
     def at_rest(self, here: slice, gradient: np.ndarray) -> tuple[np.ndarray, SmallStrain | None]:
-        """Deformation gradient F (m, q, 3, 3) of a slice of elements, and their small strain. Where the law is linear,
-        F is the identity, and the small strain replaces it.
+        """Deformation gradient F (m, q, 3, 3) of a slice of elements, and their small strain; None if the law is linear
+        nowhere. Where it is linear, F is replaced by the identity.
         """
         if self.linear is None or not self.linear[here].any():
             return gradient, None
@@ -289,19 +289,22 @@ class Elements:
         return fastest / (2 * SMALL_STRAIN) * change
 
     def pulled(self, displacement: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Forces (m, 10, 3) in N of second Piola-Kirchhoff stresses (m, q, 6) in MPa at a displacement (N, 3)."""
+        """Nodal forces (m, 10, 3) in N of elements with second Piola-Kirchhoff stresses (m, q, 6) in MPa, at a
+        displacement (N, 3).
+        """
         every = slice(None)
         gradient = self.at_rest(every, self.gradient(every, displacement) + np.eye(3))[0]
         return self.on_nodes(every, gradient @ tensors(stress))
 
     def on_nodes(self, here: slice, stress: np.ndarray) -> np.ndarray:
-        """Nodal forces (m, 10, 3) in N of a slice of elements with the first Piola-Kirchhoff stresses (m, q, 3, 3) in
-        MPa."""
+        """Nodal forces (m, 10, 3) in N of a slice of elements with first Piola-Kirchhoff stresses (m, q, 3, 3) in MPa.
+        """
         return self._by_node[here] @ _columns(self.weight[here], stress)
 
     def on_corners(self, here: slice, excess: np.ndarray) -> np.ndarray:
-        """Volumes at the corners of m elements, (m, 4) in mm³: integrals of relative volumes (m, q) at the quadrature
-        points times the shape functions of the corners."""
+        """Volumes (m, 4) in mm³ at the corners of m elements: relative volumes (m, q) at the quadrature points,
+        multiplied by the shape functions of the corners and integrated.
+        """
         return (self.weight[here] * excess) @ _PRESSURE_SHAPES
 
     def pressures(self, here: slice, pressure: np.ndarray) -> np.ndarray:
@@ -321,13 +324,15 @@ def quadrature_places(mesh: VolumeMesh) -> np.ndarray:
 
 
 def in_turns(work: Callable[[int], Result], count: int) -> list[Result]:
-    """Results of ``work(first)`` for all chunks of :data:`ELEMENTS_AT_ONCE` elements; ``first`` is the number of the
-    first element of a chunk."""
+    """Call ``work(first)`` for one chunk of :data:`ELEMENTS_AT_ONCE` elements after the other, and return all results.
+    ``first`` is the number of the first element of a chunk.
+    """
     return side_by_side(work, range(0, count, ELEMENTS_AT_ONCE))
 
 
 def _columns(weight: np.ndarray, tensors: np.ndarray) -> np.ndarray:
-    """Weighted transposes of tensors (m, q, 3, 3), stacked: matrices (m, 3 q, 3), with the weights (m, q) as factors.
+    """Multiply tensors (m, q, 3, 3) by weights (m, q), transpose them, and stack those of each element: matrices (m, 3
+    q, 3).
     """
     return np.swapaxes(weight[..., None, None] * tensors, -1, -2).reshape(len(weight), -1, 3)
 

@@ -37,7 +37,7 @@ class StressUpdate:
     part: SymmetricPart
 
     def on(self, part: SymmetricPart, whole: VolumeMesh) -> StressUpdate:
-        """The stress update, for another symmetric part of the same mesh."""
+        """Convert this stress update to another symmetric part of the same mesh."""
         if part is self.part:
             return self
         return StressUpdate(self.factor, expand_stress(self.offset, self.part, whole)[part.elements], part)
@@ -62,7 +62,7 @@ class Softening:
     part: SymmetricPart
 
     def on(self, part: SymmetricPart, whole: VolumeMesh) -> Softening:
-        """The same softening, for another symmetric part of the same mesh."""
+        """Convert this softening to another symmetric part of the same mesh."""
         if part is self.part:
             return self
         return Softening(self.mullins, expand_scalar(self.largest, self.part, whole)[part.elements], part)
@@ -173,14 +173,17 @@ class InternalVariables:
         return InternalVariables(stress, term_stress, error, np.zeros_like(stress), rate, step)
 
     def after_energy(self, energy: np.ndarray) -> InternalVariables:
-        """The variables after a step with Mullins' effect, at whose end the law has an ``energy`` density (m, q) in
-        MPa. Within a step, the energy density of a point is assumed to be largest at an end of the step."""
+        """The internal variables after a step with Mullins' effect. ``energy`` (m, q) in MPa is the energy density of
+        the law at the end of the step. The energy density of a point is assumed to have its maximum at an end of the
+        step.
+        """
         assert self.largest_energy is not None
         return replace(self, largest_energy=np.maximum(self.largest_energy, energy))
 
     def _weights(self, material: Viscoelastic, step: float, growth: Growth | None) -> tuple[np.ndarray, np.ndarray]:
-        """Weights in the update of the k viscoelastic terms at the end of a step: (k,) of the initial change of the
-        stress S (see :meth:`_initial_change`), and (k,) of the whole change of S."""
+        """Two weights (k,) in the update of each of the k viscoelastic terms at the end of a step: the first multiplies
+        the initial change of the stress S (see :meth:`_initial_change`), the second the whole change of S.
+        """
         if growth is None:
             ramp = material.shares * material.over(step).ramp
             return 0 * ramp, ramp
@@ -246,14 +249,15 @@ class InternalVariables:
         return _scaled(material.shares * (cube - square), cubic)
 
     def with_error(self, error: np.ndarray) -> InternalVariables:
-        """The same variables, with an ``error`` (k, m, q, 6) added to that of the terms' stresses."""
+        """Copy of the variables; ``error`` (k, m, q, 6) is added to the estimated error of the terms' stresses."""
         return replace(self, error=self.error + error)
 
     def with_law_error(
         self, material: Viscoelastic, law_error: np.ndarray, growth: Growth | None = None
     ) -> InternalVariables:
-        """The variables with an error ``law_error`` (m, q, 6) of the stress S at the end of the last step. Its effect
-        on the viscoelastic terms is added to their error."""
+        """Copy of the variables with the error ``law_error`` (m, q, 6) of the stress S at the end of the last step. Its
+        effect on the viscoelastic terms is added to their error.
+        """
         by_change = self._weights(material, self.step, growth)[1]
         return replace(self, error=self.error + _scaled(by_change, law_error), law_error=law_error)
 
@@ -266,9 +270,7 @@ class InternalVariables:
         return self.term_stress.sum(axis=0) - float(material.shares.sum()) * self.stress
 
     def on(self, part: SymmetricPart, whole: VolumeMesh, own: SymmetricPart) -> InternalVariables:
-        """The internal variables for another symmetric part of the same mesh; ``own`` is the part for which they are
-        given.
-        """
+        """Convert the internal variables from the symmetric part ``own`` to another symmetric part of the same mesh."""
         if part is own:
             return self
         if self.largest_energy is not None:
@@ -283,7 +285,7 @@ class InternalVariables:
 
 
 def expand_stress(stress: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
-    """Stress of a whole mesh from that of a symmetric part.
+    """Stress of a whole mesh, from the stress of its symmetric part.
 
     Parameters
     ----------
@@ -305,7 +307,7 @@ def expand_stress(stress: np.ndarray, part: SymmetricPart, whole: VolumeMesh) ->
 
 
 def expand_scalar(scalar: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
-    """A scalar field of a whole mesh from that of a symmetric part.
+    """Scalar field of a whole mesh, from the field of its symmetric part.
 
     Parameters
     ----------
@@ -325,8 +327,9 @@ def expand_scalar(scalar: np.ndarray, part: SymmetricPart, whole: VolumeMesh) ->
 
 
 def _images(field: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.ndarray:
-    """Copy components (M, q, c) of a field at the quadrature points of the whole mesh from those (m, q, c) of a
-    symmetric part. Their directions are not reflected."""
+    """Copy the components (m, q, c) of a field at the quadrature points of a symmetric part to the whole mesh, (M, q,
+    c). Components of vectors and tensors are not reflected.
+    """
     element, corner, _ = part.element_images(whole)
     # Quadrature points are numbered by the corners they are near.
     families = field.reshape(len(field), -1, 4, field.shape[-1])
@@ -334,5 +337,5 @@ def _images(field: np.ndarray, part: SymmetricPart, whole: VolumeMesh) -> np.nda
 
 
 def _scaled(factors: np.ndarray, fields: np.ndarray) -> np.ndarray:
-    """Fields (k, m, q, 6): k fields, or one field (m, q, 6), multiplied by k factors (k,)."""
+    """Multiply k fields (k, m, q, 6), or k copies of one field (m, q, 6), by k factors (k,)."""
     return factors[:, None, None, None] * fields

@@ -31,14 +31,14 @@ class LoadConstraints:
     slack: np.ndarray
 
     def flexibility(self, factor: Factorisation) -> np.ndarray:
-        """Response (k, k) of the constrained combinations of unknowns to unit multipliers, from the factored matrix of
-        the pad.
+        """Flexibility matrix (k, k) of k constraints: the change of each constrained combination of unknowns by a unit
+        multiplier, from the factored matrix of the pad.
         """
         return responses(factor, self.rows, self.rows) + np.diag(self.slack)
 
     def negative(self, factor: Factorisation) -> int:
-        """Number of negative eigenvalues of the pad's factored matrix that vanish with the constraints (E. V.
-        Haynsworth, Linear Algebra Appl. 1, 1968).
+        """Number of negative eigenvalues of the pad's factored matrix that the constraints remove (E. V. Haynsworth,
+        Linear Algebra Appl. 1, 1968).
         """
         return int(np.count_nonzero(np.linalg.eigvalsh(self.flexibility(factor)) < 0)) if len(self.slack) else 0
 

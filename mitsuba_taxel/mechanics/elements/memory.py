@@ -1,4 +1,4 @@
-"""Free memory: a lack of it becomes an error of one line, before a compiled solver crashes the process."""
+"""Free memory. A lack of memory is reported as an error of one line, before it crashes a compiled solver."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _free_by_limit() -> float:
 
 
 def _free_by_machine() -> float:
-    """Bytes that the machine has free, with swap."""
+    """Free memory of the machine in bytes, including swap."""
     try:
         figures = dict(line.split(":") for line in _MACHINE.read_text(encoding="utf-8").splitlines())
         return 1024 * sum(float(figures[name].split()[0]) for name in ("MemAvailable", "SwapFree"))
@@ -80,7 +80,7 @@ def _free_by_group() -> float:
 
 @contextmanager
 def memory_for(purpose: str) -> Iterator[None]:
-    """Turn a lack of memory within the block into a ComputationError that names the purpose."""
+    """Convert a `MemoryError` within the block to a `ComputationError` that states the purpose of the memory."""
     try:
         yield
     except (MemoryError, RuntimeError) as error:

@@ -174,19 +174,21 @@ class Model:
         return LoadConstraints(rows, np.zeros(len(driven_unknowns)))
 
     def pressed(self, contact_state: ContactState) -> np.ndarray:
-        """Numbers of the nodes of the indenter's contact with positive pressure, among those of :attr:`may_press`."""
+        """Numbers of the nodes at which the indenter exerts a positive pressure, counted among the nodes of
+        :attr:`may_press`.
+        """
         return np.flatnonzero((contact_state.pressure > 0) & self.may_press)
 
     @cached_property
     def may_press(self) -> np.ndarray:
-        """Mask (m,) of the indenter's contact pressures whose nodes can move along z. In antisymmetric states, nodes on
-        the mirror plane cannot.
+        """Mask (m,) of the nodes at which the indenter may exert a pressure: those that can move along z. In
+        antisymmetric states, nodes on the mirror plane cannot.
         """
         return self.numbering.unknown[3 * self.indentation.node + 2] >= 0
 
     def over_unknowns(self, rows: sparse.csr_array) -> sparse.csr_array:
-        """Convert linear combinations of displacements to linear combinations of unknowns: from coefficients (k, 3 n)
-        of n nodes to coefficients (k, unknowns) with the same value.
+        """Express linear combinations of displacements as linear combinations of unknowns: coefficients (k, 3 n) of n
+        nodes become coefficients (k, unknowns).
         """
         return rows @ self._displacements_of_unknowns
 
@@ -298,7 +300,7 @@ class Model:
 
     @cached_property
     def _nodal_fractions(self) -> np.ndarray:
-        """Fraction (n,) of the whole pad's force on each node of the part."""
+        """Fraction (n,) of the force of the whole pad that acts on each node of the part."""
         nodal = self.load.nodal(self.mesh)
         return nodal / (self.part.copies * nodal.sum())
 

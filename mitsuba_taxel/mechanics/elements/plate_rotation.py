@@ -49,8 +49,8 @@ class PlateRotation:
     def of(
         cls, nodes: np.ndarray, arms: np.ndarray, size: float, unknown: np.ndarray, sign: np.ndarray
     ) -> PlateRotation:
-        """Create the rotation of a plate from its unknowns (3,), the numbers of the components of its turn (-1 where a
-        component is 0), and their factors ``sign`` (3,).
+        """Create the rotation of a plate. ``unknown`` (3,) has the number of the unknown for each component of the
+        turn, -1 for a component that is 0; ``sign`` (3,) has the factors of these unknowns.
         """
         unknowns = np.unique(unknown[unknown >= 0])
         return cls(nodes, arms, size, unknowns, sign[:, None] * (unknown[:, None] == unknowns))
@@ -61,15 +61,17 @@ class PlateRotation:
         return self.spread.T / np.maximum(np.abs(self.spread).sum(axis=0), 1)[:, None]
 
     def turns_of(self, unknowns: np.ndarray) -> np.ndarray:
-        """Turns (3,) in mm of the plate (rotation vector times its size) for a vector of unknowns."""
+        """Turn (3,) of the plate, its rotation vector times a length, in mm, from the unknowns of the pad."""
         return self.spread @ unknowns[self.unknowns]
 
     def displacement(self, turns: np.ndarray) -> np.ndarray:
-        """Displacement (p, 3) in mm of the nodes by turns (3,), about the pivot at rest."""
+        """Displacement (p, 3) in mm of the plate's nodes when it rotates by a turn (3,) about the undisplaced pivot."""
         return self.arms @ (rotation_matrix(turns / self.size) - np.eye(3)).T
 
     def turns_at(self, displacement: np.ndarray) -> np.ndarray:
-        """Turns (3,) in mm of a plate with this displacement (N, 3) of the mesh's nodes."""
+        """Turn (3,) of the plate, its rotation vector times a length, in mm, at a displacement (N, 3) of the mesh's
+        nodes.
+        """
         return self.size * rotation_vector(self.arms, displacement[self.nodes])
 
     def rates(self, displacement: np.ndarray | None) -> np.ndarray:

@@ -1,10 +1,10 @@
 """Direct solvers for symmetric indefinite matrices, with a common interface.
 
-All give the inertia: `rslab`, which is preferred, and SuperLU of scipy, which is always available.
-
-Single precision is used where it suffices. Its rounding error E does not change the inertia of A if no matrix between A
-and A + E is singular, for which it suffices that all eigenvalues of E (A + E)^-1 lie within the unit circle (R. A. Horn
-and C. R. Johnson, Matrix Analysis, 2nd ed., 2013, section 5.6). Iterative refinement then converges too.
+All solvers give the inertia of a matrix, the numbers of its positive and negative eigenvalues. `rslab` is preferred;
+SuperLU of scipy is always available. Single precision is used where it suffices. Its rounding error E does not change
+the inertia of A if no matrix between A and A + E is singular, for which it suffices that all eigenvalues of E (A +
+E)^-1 lie within the unit circle (R. A. Horn and C. R. Johnson, Matrix Analysis, 2nd ed., 2013, section 5.6). Iterative
+refinement then converges too.
 """
 
 from __future__ import annotations

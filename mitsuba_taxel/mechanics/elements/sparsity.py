@@ -83,7 +83,7 @@ class Sparsity:
 
 
 class _Merged:
-    """Groups of equal pairs of numbers, for sums of values over each group. Numbers are below ``size``."""
+    """Groups of equal pairs of numbers, all below ``size``; values are summed over each group."""
 
     def __init__(self, first: np.ndarray, second: np.ndarray, size: int) -> None:
         first, second = (array.ravel() for array in np.broadcast_arrays(first, second))

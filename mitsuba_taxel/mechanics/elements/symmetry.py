@@ -107,8 +107,8 @@ class SymmetricPart:
 
     @cached_property
     def components(self) -> tuple[np.ndarray, np.ndarray]:
-        """For each component of the whole pad's displacement, the component of the part's displacement that it equals
-        up to its sign: index (N, 3) and sign (N, 3).
+        """For each component of the displacement of the whole pad, the component of the displacement of the part that
+        has the same magnitude: its index (N, 3) and sign (N, 3).
         """
         return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
 
@@ -195,8 +195,9 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
 
 
 def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
-    """Orthogonal matrices (N, 3, 3) of N positions (N, 3): each maps vectors at the mirror image of the position on the
-    kept side to vectors at the position. ``group`` contains the mirrors."""
+    """Orthogonal matrices (N, 3, 3) for N positions (N, 3). Each maps a vector at the mirror image of a position in the
+    solved part of the pad to the vector at the position. ``group`` contains the mirrors.
+    """
     turn = np.broadcast_to(np.eye(3), (len(position), 3, 3)).copy()
     for mirror in group:
         beyond = mirror.side(position) < 0
@@ -206,7 +207,7 @@ def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
 
 
 def _bounding(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
-    """Those mirrors of a group whose planes bound the part of the pad that is solved."""
+    """Mirrors of a group whose planes bound the solved part of the pad."""
     return (ACROSS_Y, ACROSS_DIAGONAL) if len(mirrors) == len(MIRRORS) else tuple(mirrors)
 
 
@@ -236,8 +237,8 @@ def unsymmetric_blocks(mirrors: Sequence[Mirror]) -> list[tuple[Sequence[Mirror]
 
 
 def cut_blocks(mirrors: Sequence[Mirror]) -> list[dict[Mirror, int]]:
-    """Signs of the displacements at the planes of symmetry, for a stability test by pieces: the pad is cut along all
-    planes of symmetry but the last.
+    """Signs of the displacements at the planes of symmetry, for a stability test of the pieces into which these planes,
+    all but the last, cut the pad.
 
     Each displacement of the whole pad is a displacement of the pieces, and each displacement of the pieces is the sum
     of a symmetric and an antisymmetric displacement under the last mirror. The result is empty if this does not reduce

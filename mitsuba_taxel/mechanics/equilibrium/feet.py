@@ -58,7 +58,7 @@ def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
 
 
 def said_of(touched: str, mesh: VolumeMesh, place: np.ndarray) -> str:
-    """Sentence for error messages: it explains a contact of the pad with the board near a foot, where two upright free
+    """Explanation, for an error message, of a contact between pad and board near a foot: a point where two upright free
     sides meet the bottom.
 
     Parameters
@@ -88,10 +88,10 @@ def couple_held(
     pressure: np.ndarray,
     overstress: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Moment of the nodal forces of the linear law at the feet.
+    """Moment that the board would have to hold because the law is linear at the feet of a pad.
 
-    The moment of other laws is zero. The linear law is valid for small rotations only; it resists larger rotations with
-    a moment, as if the feet were held by the board.
+    Under any other law the moment of the nodal forces is zero. The linear law is valid for small rotations only: it
+    resists larger rotations with a moment, as if the board held the feet.
 
     Parameters
     ----------

@@ -89,8 +89,9 @@ class IndentedPad(LoadedPad):
     def _own_traction(
         self, displacement: np.ndarray, value: np.ndarray, contact_state: ContactState, history: History
     ) -> np.ndarray:
-        """Tractions (m, 3) in MPa of friction at m contact nodes, from the slip at the contact ``contact_state``;
-        raises without friction."""
+        """Tractions (m, 3) of friction in MPa at m contact nodes, computed from the slip in the contact
+        ``contact_state``. The indenter must have friction.
+        """
         assert self.friction is not None
         tangents, slip_position = (
             self.friction.tangents(contact_state),
@@ -272,11 +273,11 @@ class IndentedPad(LoadedPad):
         return _LinearContact(self, factor, _contact_state_of(state), factor.negative_pivots - self.numbering.pressures)
 
     def _with_fixed_directions(self, unknowns: np.ndarray, value: np.ndarray, history: History) -> Factorisation:
-        """Factor of the tangent at a state under pressures whose directions do not follow the indenter's normals.
+        """Factored tangent of the pad at a state, for contact pressures of fixed directions.
 
-        Pressures that follow the normals push the pad off a sharply rounded body, so that the linearised pad may be
-        unstable although the pad is stable. With fixed directions, the linearised pad is stable wherever the pad alone
-        is, but steps are shorter.
+        Pressures that follow the normals of the indenter push the pad off a sharply rounded body, so that the
+        linearised pad may be unstable although the pad is stable. With fixed directions, the linearised pad is stable
+        wherever the pad without an indenter is stable, but steps are shorter.
         """
         inside = self.model.assembly.evaluate(*self.numbering.split(unknowns), True, history.stress_update)
         assert inside.entries is not None  # no element is inverted
@@ -344,8 +345,9 @@ class IndentedPad(LoadedPad):
 
     @cached_property
     def _small_load(self) -> float:
-        """Smallest force in N by which residuals are divided: the stress at the natural strain of about 2 %, times the
-        smallest surface area of a node."""
+        """Lower bound of the load by which residuals are divided, in N: the stress at the natural strain of about 2 %,
+        times the smallest surface area of a node.
+        """
         return NATURAL_STRAIN * self.material.youngs_modulus * float(self.model.indentation.area.min())
 
 

@@ -21,10 +21,12 @@ MOST_REFINEMENTS = 20
 
 
 class Steps(Protocol):
-    """Interface of a tangent matrix that is factored, or approximated by the factors of another state."""
+    """Interface of a tangent matrix that solves for a step of Newton's method, with its own factor or with the factors
+    of another state.
+    """
 
     def step(self, residual: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-        """The change of the unknowns for a residual, to the accuracy of the factors, for use in an iteration.
+        """Change of the unknowns for a residual, only as accurate as the factors: a step of an iteration.
 
         Parameters
         ----------
@@ -92,8 +94,9 @@ class Linearised:
         return self._answer(residual, gap)[0]
 
     def _answer(self, residual: np.ndarray, gap: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Change of the unknowns for a residual, to the accuracy of the factor, and the Lagrange multipliers of the
-        constraints."""
+        """Change of the unknowns for a residual, only as accurate as the factor, and the Lagrange multipliers of the
+        constraints.
+        """
         free = self.factor.solve_roughly(residual)
         if not len(self.constraints.slack):
             return free, np.zeros(0)

@@ -373,7 +373,7 @@ class LoadedPad(MeshedPad):
     def figures_at(
         self, unknowns: np.ndarray, value: np.ndarray, iterations: int, checked: bool, history: History = NO_HISTORY
     ) -> Solution:
-        """A solution with given unknowns; its residual and smallest volume ratio are computed from them.
+        """Create a solution from given unknowns: its residual and smallest volume ratio are computed.
 
         Parameters
         ----------

@@ -117,8 +117,8 @@ class MeshedPad:
         return self.numbering.gather(*self.part.restrict(displacement, pressure))
 
     def towards(self, known: np.ndarray, guess: np.ndarray) -> np.ndarray:
-        """Start of a Newton iteration: the guess or, where the size of a step is limited (as by contact), a point
-        between ``known`` and the guess.
+        """Start of a Newton iteration: the ``guess``, or a point between the ``known`` state and the guess if the
+        length of a step is limited, for example by contact.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class MeshedPad:
         return self.model.assembly.elements.isochoric_rate(displacement[self.part.nodes], velocity[self.part.nodes])
 
     def size_of(self, stress: np.ndarray) -> float:
-        """Root mean square over the pad, in MPa, of a stress (m, q, 6) at the quadrature points."""
+        """Root mean square in MPa, over the pad, of a stress (m, q, 6) that is given at the quadrature points."""
         weight = self.model.assembly.elements.weight
         squares = np.square(stress) @ np.array([1.0, 1, 1, 2, 2, 2])
         return float(np.sqrt((weight * squares).sum() / weight.sum()))
@@ -293,8 +293,9 @@ class MeshedPad:
         return self.model.evaluate(*self.numbering.split(unknowns), value, with_tangent, history.stress_update)
 
     def _free_residual(self, state: Configuration) -> np.ndarray:
-        """Out-of-balance forces without the reaction of a plate with a prescribed displacement: it is large, but no
-        error."""
+        """Out-of-balance forces over the unknowns, without the reaction of a plate whose displacement is prescribed:
+        this reaction is no error.
+        """
         residual = state.residual.copy()
         residual[self._plate_unknowns] = 0.0
         return residual
@@ -315,8 +316,9 @@ class MeshedPad:
 
     @cached_property
     def _small_load(self) -> float:
-        """Lower bound of the norm of the load by which residuals are divided: the norm for a natural step, or for
-        :data:`TICKS` ticks if these are smaller."""
+        """Lower bound, in N, of the load by which residuals are divided: the norm of the load for a natural step or, if
+        it is smaller, for :data:`TICKS` ticks.
+        """
         zero = np.zeros((len(self.part.mesh.points), 3))
         value = normal_part(np.full(self.load.components, self.step))
         if self._driven:

@@ -84,7 +84,8 @@ def new_pad(
     fraction: float = 1.0,
     ticks: int = TICKS,
 ) -> LoadedPad:
-    """A new part of a pad between planes of symmetry, like :func:`loaded_pad`, but not shared with other callers.
+    """Create the part of a pad between planes of symmetry, as :func:`loaded_pad` does. The result is not shared with
+    other callers.
 
     Parameters
     ----------

@@ -70,8 +70,8 @@ class SelfTouchingPad(LoadedPad):
         return sparse.csr_array(self.model.over_unknowns(of_part))
 
     def closer(self, unknowns: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """The unknowns of the equilibrium near a state if the barriers (repulsive forces between walls) have half their
-        range.
+        """Unknowns of the equilibrium that results, near a given state, if the contact forces begin at half the
+        distance. The difference shows the error of these forces.
         """
         arguments = self.whole, self.material, self.load, self.mirrors, self.images, self._solver_name
         return type(self)(*arguments, bodies=self._bodies, fraction=0.5 * self._fraction).equilibrium(unknowns, value)

@@ -58,7 +58,7 @@ class Solution:
 
 
 class Rejected(Exception):
-    """Raised for a step that leads to no acceptable state of the pad; the message states the reason."""
+    """A step leads to no acceptable state of the pad; the message states why."""
 
 
 @dataclass(frozen=True)

@@ -165,8 +165,8 @@ class _Pieces:
 
     @property
     def blocks(self) -> Iterable[_Block]:
-        """The block of each piece. Those of a large pad are made anew for each state, one after the other, because
-        their patterns and analyses take as much memory as the factor of a state, and less time.
+        """The tangent block of each piece. For a large pad, blocks are created one after the other for each state,
+        because their patterns and analyses take as much memory as a factored matrix, and less time.
         """
         return map(self._block, self._signs) if self._kept is None else self._kept
 

@@ -64,12 +64,12 @@ class TangentBlock:
         self._solver = make_solver()
 
     def turned(self, mirror: Mirror) -> TangentBlock:
-        """The block of the mirror images of this block's displacements."""
+        """Block for the mirror images of the displacements of this block."""
         return TangentBlock(self._whole, self.model, self._signs, self._images, mirror)
 
     def of_value(self, value: np.ndarray) -> np.ndarray:
-        """Component of a load's value that has this symmetry type; the value is a vector, a pressure, or a force and a
-        moment.
+        """Component of the value of a load that has the symmetry type of this block. The value is a vector, a pressure,
+        or a force and a moment.
         """
         value = mirrored_value(self._turn, value) if self._turn else value
         for mirror, sign in self._signs:
@@ -77,8 +77,8 @@ class TangentBlock:
         return value
 
     def of_field(self, field: np.ndarray) -> np.ndarray:
-        """Component of a vector field (N, 3) at the nodes of the whole pad that has this symmetry type, (n, 3) on the
-        part.
+        """Component of a vector field (N, 3) on the whole pad that has the symmetry type of this block, at the n nodes
+        of the part: (n, 3).
         """
         field = self._image(field)
         for mirror, sign in self._signs:
@@ -86,8 +86,9 @@ class TangentBlock:
         return field[self.model.part.nodes]
 
     def forces(self, field: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
-        """Component of nodal forces (N, 3) on the whole pad that has this symmetry type, over the unknowns of the
-        block."""
+        """Component of nodal forces (N, 3) on the whole pad that has the symmetry type of this block, over the unknowns
+        of the block.
+        """
         return self.model.numbering.summed(self._shares[:, None] * self.of_field(field), displacement)
 
     def displacement(self, rate: np.ndarray, displacement: np.ndarray | None = None) -> np.ndarray:
@@ -258,8 +259,9 @@ def _block(pad: LoadedPad, part: SymmetricPart, signs: Signs) -> TangentBlock:
 
 
 class _Share(NamedTuple):
-    """Relation of a symmetry block to a larger part of the pad: matrices between the unknowns of both, and the factored
-    tangent of the block."""
+    """Relation between a symmetry block and a larger part of the pad: matrices that convert the unknowns of one to
+    those of the other, and the factored tangent of the block.
+    """
 
     spread: sparse.csr_array
     collect: sparse.csr_array

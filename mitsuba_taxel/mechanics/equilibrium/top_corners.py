@@ -15,8 +15,8 @@ HARMLESS = 0.2
 
 
 def gives_way(force: float, mesh: VolumeMesh, material: Material, load: Load) -> float:
-    """Pressure at which the load makes sharp corners of the top unstable; infinite if the load stays below that
-    pressure.
+    """Pressure in MPa on the top at which its sharp corners become unstable; infinite if they are stable under this
+    load.
 
     Parameters
     ----------

@@ -27,11 +27,12 @@ _BARYCENTRIC = np.array([[2 / 3, 1 / 6, 1 / 6], [1 / 6, 2 / 3, 1 / 6], [1 / 6, 1
 
 
 def size_ratio(mesh: VolumeMesh, other: VolumeMesh) -> float:
-    """Size of the elements of another mesh of the same pad, relative to that of ``mesh``.
+    """Size of the elements of another mesh of the same pad, relative to the elements of ``mesh``.
 
-    It is the geometric mean of the ratios in the solid and on the walls of the cells, because the error comes from
-    both. If roofs are thinner than the elements, both meshes have one layer there, and the coarser mesh saves elements
-    elsewhere. The mean of the ratios above the roofs and on their faces is then returned instead, if it is closer to 1.
+    It is the geometric mean of two ratios, in the solid and on the walls of the cells, because both contribute to the
+    error. If roofs are thinner than the elements, both meshes have one layer of elements there, and the coarser mesh
+    saves elements elsewhere. Then the mean of the ratios above the roofs and on their faces is returned, if it is
+    closer to 1.
 
     Parameters
     ----------
@@ -143,8 +144,9 @@ class RoofComparison:
 
     @cached_property
     def _walls_there(self) -> tuple[np.ndarray, sparse.csr_array]:
-        """Matrix that transfers values to this mesh: the numbers (W,) of its nodes on walls of cells, and the weights
-        (W, N') with which values at the N' nodes of the other mesh are interpolated there."""
+        """Interpolation from the other mesh to this one: the numbers (W,) of this mesh's nodes on walls of cells, and
+        the weights (W, N') of the other mesh's N' nodes for the values at these nodes.
+        """
         nodes = np.unique(self._mesh.faces[_seen(self._mesh)])
         for mirror in self._images:
             nodes = nodes[mirror.side(self._mesh.points[nodes]) >= 0]
@@ -233,13 +235,14 @@ class RoofComparison:
         return np.array([along, rest]) / ERROR_SHARE
 
     def _lacking(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Part of the smallest stated error that the two meshes do not show: the smallest stated error less the
-        estimated error along the displacement, relative to the displacement."""
+        """Part of the smallest stated error that the difference of the meshes does not show: the smallest stated error
+        less the estimated error along the displacement, both relative to the displacement.
+        """
         short = self._short(moved, difference)
         return math.copysign(max(self._least - abs(short), 0.0), short)
 
     def _short(self, moved: np.ndarray, difference: np.ndarray) -> float:
-        """Estimated relative amount by which the mean displacement of the roofs is too small."""
+        """Estimated amount by which the mean displacement of the roofs is too small, relative to this displacement."""
         square = self._weight @ (moved**2).sum(axis=1)
         return -self._average * float(self._weight @ (moved * difference).sum(axis=1)) / square if square else 0.0
 
@@ -250,8 +253,9 @@ class RoofComparison:
 
 
 def _on_roofs(location: Location, along: Sequence[np.ndarray]) -> sparse.csr_array:
-    """Weights (3 P, N) of the values at N nodes that give the values at P points, and their derivatives ``along`` two
-    tangents."""
+    """Interpolation weights (3 P, N) from N nodes to P points: for the values at the points, then for their derivatives
+    ``along`` two tangents.
+    """
     return sparse.vstack([location.weights, *(location.slope_weights(tangent) for tangent in along)], format="csr")
 
 
@@ -267,7 +271,7 @@ def _on_faces(mesh: VolumeMesh, faces: np.ndarray) -> sparse.csr_array:
 
 
 def _parts(weights: sparse.csr_array, displacement: np.ndarray) -> np.ndarray:
-    """Displacement in mm at P points of the roofs and its derivatives along two tangents, together (3, P, 3)."""
+    """Displacement in mm at P points of the roofs, and its derivatives along two tangents, in one array (3, P, 3)."""
     return (weights @ displacement).reshape(3, -1, 3)
 
 

@@ -61,7 +61,7 @@ Result = TypeVar("Result")
 
 
 class SecondMeshes:
-    """The same load path on meshes of other element sizes, from which the error of a path can be estimated.
+    """Load paths of the same pad on meshes with elements of other sizes, for an estimate of the error of a path.
 
     Parameters
     ----------
@@ -86,8 +86,8 @@ class SecondMeshes:
         yield from self._of_sizes([*default, *(relative_size * start for relative_size in finer)])
 
     def coarsest(self) -> Iterator[tuple[PadPath, RoofComparison]]:
-        """Paths on coarser meshes whose element sizes differ less, used if no other path bears the load and fits into
-        memory.
+        """Paths on coarser meshes whose element sizes differ less from that of the path. They are used if no other mesh
+        bears the load and fits into memory.
         """
         relative_sizes = COARSEST if self._path.load.indenter is None else (LITTLE_COARSER, *COARSEST)
         sizes = [relative_size * self._path.mesh_size for relative_size in relative_sizes]
@@ -116,8 +116,8 @@ class SecondMeshes:
             return True
 
     def first(self, compare: Callable[[PadPath, RoofComparison], Result]) -> Result | None:
-        """Compare with the first other mesh that fits into memory and on which the pad bears the load. Returns the
-        result of the comparison; None if there is no such mesh.
+        """Call ``compare`` for the first other mesh that fits into memory and on which the pad bears the load. Returns
+        the result, or None if there is no such mesh.
 
         Parameters
         ----------
@@ -198,13 +198,16 @@ class SecondMeshes:
 
     @property
     def _typical_at_top(self) -> float:
-        """Typical relative error of a force: that of elements of the default size, scaled with the element size at the
-        top relative to the mesh on which stability is tested; 0 without such a mesh."""
+        """Typical relative error of a force. It is the error on elements of the default size, scaled by the size of the
+        elements at the top relative to those of the mesh on which stability is tested; 0 without such a mesh.
+        """
         judge = self._path.judge
         return 0.0 if judge is None else TYPICAL_ERROR * top_ratio(judge.mesh, self._path.mesh) ** ORDER
 
     def typical(self, error: float) -> float:
-        """Estimate of the error on these elements, from an error that is typical of elements of the default size."""
+        """Estimate of the error with the elements of this path, from an ``error`` that is typical of elements of the
+        default size.
+        """
         relative_size = min(self._path.mesh_size / self._path.pad.default_mesh_size, COARSENING)
         return error * relative_size**ORDER  # larger elements may all have the coarsest possible mesh
 
@@ -254,8 +257,9 @@ def compared(path: PadPath, state: State) -> State:
 
 
 def _comparison(path: PadPath, state: State) -> StateComparison:
-    """Errors of a state from a second mesh. The canonical (mirrored) state is compared, and the errors are mirrored
-    back."""
+    """Errors of a state from a second mesh. They are computed for the canonical state, the mirror image that is solved,
+    and reflected back.
+    """
     with path.lock:
         path = path.bearing(state.value)
         value, mirrors = path.turned(state.value)
@@ -265,7 +269,9 @@ def _comparison(path: PadPath, state: State) -> StateComparison:
 
 
 def _mirrored(path: PadPath, deviate: Callable[[], np.ndarray], mirrors: list[Mirror]) -> np.ndarray:
-    """Deviations (2, N, 3) of a state, from those of its canonical (mirrored) state, which ``mirrors`` map back."""
+    """Deviations (2, N, 3) of a state, from those of its canonical state (the mirror image that is solved): reflected
+    in the ``mirrors``.
+    """
     deviations = deviate()
     for mirror in reversed(mirrors):
         deviations = mirror.image(deviations[:, path.images[mirror]])
@@ -299,8 +305,8 @@ def carried_to(
     pressure: np.ndarray,
     moved: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
-    """Solve the state under a load on the elements of a path. Under an indenter, the state on another mesh is the first
-    guess.
+    """Solve the state under a load on the elements of another load path. Under an indenter, the state on the first mesh
+    is the initial guess.
 
     Without friction a state does not depend on the path that leads to it.
 
@@ -364,8 +370,9 @@ def carried_to(
 
 
 def _on_path(path: PadPath, value: np.ndarray) -> tuple[np.ndarray, np.ndarray, Interpolated, np.ndarray]:
-    """The canonical state of a load, and the displacement of an indenter under a force; for other loads, the value of
-    the load."""
+    """State under the canonical load, the mirror image that is solved, and the value of that load; under a force on an
+    indenter, the displacement of the indenter instead of the value.
+    """
     state = path.canonical(value, [], None)
     return *state, value if path.load.driven is None else path.driven_to(value, None)
 

@@ -23,8 +23,8 @@ from mitsuba_taxel.pads.any_pad import AnyPad
 
 
 class SecondState(NamedTuple):
-    """The state under the same load on a second mesh, and the factors with which errors follow from differences of both
-    states.
+    """The state under the same load on a second mesh, with factors by which errors follow from the differences between
+    both states.
 
     Attributes
     ----------

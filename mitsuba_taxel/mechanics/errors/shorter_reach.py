@@ -1,5 +1,6 @@
-"""Error of a state due to the reach of the barriers and to the size of the feet with a linear law, from the same state
-with half of both."""
+"""Error of a state due to two lengths of the model: the range of contact forces, and the size of the feet, where the
+material law is linear. The state is solved again with half of both lengths.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ faster with the size of the feet."""
 
 
 class _Closer(NamedTuple):
-    """A state solved with half the reach of the barriers and half the radius of the feet."""
+    """Solves a state with half the range of contact forces, and half the radius of the feet."""
 
     displacement: np.ndarray
     pressure: np.ndarray

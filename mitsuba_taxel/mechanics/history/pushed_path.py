@@ -54,8 +54,10 @@ class PushedPath(TimedPath):
         return replace(at, figures=replace(at.figures, seconds=seconds))
 
     def _halved(self, before: TimeState, rows: LoadHistory, whole: TimeState, allowed: float, left: int) -> TimeState:
-        """State of the pad at the end of the last row. The movement of the indenter from the previous row is divided
-        into halves, quarters and so on until its final position changes by less than ``allowed`` in mm."""
+        """State of the pad at the end of the last row. The movement of the indenter since the previous row is divided
+        into time intervals, which are halved until the final position of the indenter changes by less than ``allowed``
+        in mm.
+        """
         (time, force), last = rows[-1], rows[-2][1] if len(rows) > 1 else (0.0, 0.0, 0.0)
         middle = 0.5 * (before.time + time), tuple(0.5 * (a + b) for a, b in zip(last, force, strict=True))
         before_last = tuple(rows[:-1])
@@ -75,8 +77,8 @@ class PushedPath(TimedPath):
         return self._halved(first, halves[1], self._pushed(first, halves[1]), allowed, left - 1)
 
     def _pushed(self, before: TimeState, rows: LoadHistory) -> TimeState:
-        """State of the pad at the end of the last row, if the indenter moves at a constant rate since the row before;
-        raises `ComputationError` if the indenter slips.
+        """State of the pad at the end of the last row, if the indenter has moved at a constant rate since the previous
+        row; raises `ComputationError` if the indenter slips.
 
         The position of the indenter under the prescribed forces is found by Broyden's method (Math. Comput. 19, 577,
         1965). The matrix that this method updates is the stiffness of the pad along the directions of the forces.
@@ -129,7 +131,8 @@ class PushedPath(TimedPath):
         )
 
     def _without_friction(self, force: np.ndarray) -> np.ndarray:
-        """Movement (3,) in mm of the body under the normal part of a force."""
+        """Displacement (3,) in mm of an indenter without friction under the normal component of a force: a first guess.
+        """
         path = self._path
         load: Any = path.load
         load = replace(load, indenter=replace(load.indenter, friction=0.0))

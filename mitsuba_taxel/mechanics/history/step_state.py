@@ -1,4 +1,4 @@
-"""States of the solved part of a pad at the ends of time steps, and the reasons why there is no such state."""
+"""State of the solved part of a pad at the end of a time step, and exceptions for time steps that fail."""
 
 from __future__ import annotations
 
@@ -52,8 +52,10 @@ class StepError:
 
 @dataclass(frozen=True, eq=False)
 class PartMidStep:
-    """Corrections at the middle of a time step to the interpolated unknowns of the solved part of the pad. ``growth``
-    is the measure of time of the step; ``error`` is the relative size of the remainder, a vector of displacements.
+    """State of the solved part of the pad at the middle of a time step, as a correction to the interpolated unknowns.
+
+    ``growth`` is the measure of time of the step. ``remainder`` is the error that is left after the correction, a
+    vector of displacements, and ``error`` is its relative size.
     """
 
     growth: Growth

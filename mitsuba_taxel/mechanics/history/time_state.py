@@ -143,7 +143,7 @@ class TimeState:
     mid_step: MidStep | None = None
 
     def on_its_way(self, time: float, value: np.ndarray) -> bool:
-        """Whether the load has a given value at another time if it continues at its present rate.
+        """Whether the load has a given value at another time, if it continues to change at its present rate.
 
         Parameters
         ----------
@@ -182,8 +182,8 @@ class TimeState:
 def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: float) -> Shape:
     """Displacements and pressures at a time within a time step that spans several rows of the load.
 
-    The shape is that of the cubics between both ends, corrected so that the middle has the value after one step of
-    Newton's method. The error is the step that Newton's method would then add a quarter of the step from an end.
+    They follow cubic polynomials between both ends of the step, corrected at the middle of the step by one step of
+    Newton's method. The error is the further step of Newton's method, a quarter of the time step from one of its ends.
 
     Parameters
     ----------
@@ -218,7 +218,9 @@ def shape_within(start: TimeState, end: TimeState, cubics: StepCubics, time: flo
 
 
 def without_cancelling(error: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Sum of two estimated errors; the sign of the second is unknown, and is chosen so that they do not cancel."""
+    """Sum of two estimated errors. The sign of the second error is unknown; it is chosen so that the errors do not
+    cancel.
+    """
     return error + (other if np.vdot(error, other) >= 0 else -other)
 
 

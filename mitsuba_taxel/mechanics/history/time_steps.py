@@ -195,9 +195,11 @@ class RowSteps:
         return replace(judged, next_length=min(factor * self._duration, self._furthest))
 
     def _length_factor(self, error: float, after: StepState) -> float:
-        """Factor from the length of a step that had an ``error`` to the length of the next step. Errors are
-        proportional to the square of the length or to its third power, and errors of the interpolation to its fourth
-        power."""
+        """Factor by which the next step is longer than a step that had an ``error``.
+
+        Errors of time steps are proportional to the second or third power of the length, errors of the interpolation to
+        its fourth power.
+        """
         if after.mid_step is None:
             return CAUTION * math.sqrt(self._tolerance / error) if error else MOST_GROWTH
         ratio = max((error / self._tolerance) ** (1 / 3), (after.mid_step.error / INTERPOLATION_TOLERANCE) ** 0.25)
@@ -382,7 +384,7 @@ class RowSteps:
 
 
 def leaps(pad: LoadedPad, material: Viscoelastic) -> bool:
-    """Whether a time step may span several rows of the load.
+    """Whether a single time step may span several rows of the load.
 
     Parameters
     ----------
@@ -418,7 +420,7 @@ def response(load: Load, material: Viscoelastic) -> CreepResponse:
 
 
 def furthest(pad: LoadedPad, to_load: CreepResponse, rate: np.ndarray) -> float:
-    """Largest length in s of a time step across several rows of the load.
+    """Longest time step, in s, that may span several rows of the load.
 
     Parameters
     ----------

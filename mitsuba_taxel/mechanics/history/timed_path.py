@@ -132,8 +132,9 @@ class TimedPath(TimedStates):
             self._clear.add((key, rows[:count]))
 
     def _comparison(self, rows: LoadHistory) -> StateComparison:
-        """Compare the state at the end of the rows with two other solutions: on another mesh (the first on which the
-        pad bears the load of all rows), and with longer time steps."""
+        """Estimate the error of the state at the end of the rows from two other solutions: on another mesh (the first
+        one on which the pad bears all loads), and with longer time steps.
+        """
         with self._path.lock:
             here, mesh = self.reached(rows), self._path.mesh
             displacement = here.shape.displacement
@@ -170,14 +171,17 @@ class TimedPath(TimedStates):
 
     @cached_property
     def _longer(self) -> TimedPath:
-        """The path with steps of twice the length if there is friction or Mullins' effect, because errors are then
-        proportional to the length; otherwise this path."""
+        """The same path with time steps of twice the length, for an estimate of the error: with friction or Mullins'
+        effect, errors are proportional to the length of a step. Without these, this path.
+        """
         by_steps = rubs(self._path.load) or self._material.softening is not None
         return type(self)(self._path, self._material, 2) if by_steps else self
 
     @cached_property
     def _closer(self) -> TimedPath:
-        """The path with half the reach of contact for loads with ``self_contact``; otherwise this path."""
+        """The same path with half the distance at which contact forces begin, for an estimate of their error, if the
+        load has ``self_contact``; otherwise this path.
+        """
         return type(self)(self._path, self._material, 1, 0.5) if self._path.load.self_contact else self
 
     def _deviations(
@@ -188,8 +192,9 @@ class TimedPath(TimedStates):
         longer: TimeState,
         closer: TimeState,
     ) -> np.ndarray:
-        """Sum of all deviations of the displacement: those due to elements, and those due to time steps, steps of the
-        load and the reach of contact, which are added to the remainder."""
+        """Sum of the estimated errors (2, N, 3) of the displacement. Errors of elements have two components; those of
+        time steps, of steps of the load and of the reach of contact forces are added to the second one.
+        """
         displacement = here.shape.displacement
         result = deviations(displacement, on_other.shape.displacement)
         result[1] += (here.shape.deviation + displacement - longer.shape.displacement) / ERROR_SHARE

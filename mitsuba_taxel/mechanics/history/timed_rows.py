@@ -161,8 +161,8 @@ def timed_rows(
 
 
 def rate_is_new(rows: LoadHistory) -> bool:
-    """Whether the rate of the load changed at the start of the last row: its next rate may then also last for one row
-    only.
+    """Whether the rate of the load changed at the start of the last row. If it did, the next rate may last for one row
+    only, too.
     """
     if not rows or rows[-1][0] == (rows[-2][0] if len(rows) > 1 else 0.0):
         return False  # no rate yet, or a jump

@@ -178,7 +178,9 @@ class TimedStates:
         return shape_within(start, end, cubics, rows[-1][0])
 
     def _solved(self, rows: LoadHistory) -> TimeState:
-        """The solved state from which the state at the last row follows: at the time of this row, or later."""
+        """First solved state at or after the time of the last row. The state at the last row is interpolated from it if
+        it is later.
+        """
         done = len(rows)
         while done and rows[:done] not in self._count and not cache.holds(self._name(rows[:done])):
             done -= 1
@@ -192,7 +194,7 @@ class TimedStates:
         return at
 
     def _stored(self, rows: LoadHistory) -> TimeState:
-        """The state that is solved for the last row, from disk or by a step."""
+        """The state solved for the last row: read from disk, or solved by a time step if it is not there."""
         name = self._name(rows)
         with cache.alone(name):
             arrays = cache.load(name)  # another process may have solved it in the meantime
@@ -218,8 +220,9 @@ class TimedStates:
         return self._known[rows] if rows in self._known else self._stored(rows)
 
     def _next(self, before: TimeState, rows: LoadHistory) -> TimeState:
-        """State of the pad at the end of the last row or later, solved from the state at the end of the previous row or
-        later."""
+        """Solve the state at the end of the last row, or later, from the state at the end of the previous row, or
+        later.
+        """
         (time, row), longest = rows[-1], math.inf
         value, last, duration = np.array(row), rows[-2][0] if len(rows) > 1 else 0.0, rows[-1][0] - before.time
 
@@ -369,7 +372,9 @@ class TimedStates:
         return np.concatenate([displacement.ravel(), pressure])
 
     def _pad_for(self, rows: LoadHistory) -> LoadedPad:
-        """The part of the pad between the common mirrors of the loads of all rows."""
+        """The part of the pad that is bounded by the planes of symmetry (mirrors) that the loads of all rows have in
+        common.
+        """
         images, start = self._path.images, len(rows)
         while start and rows[:start] not in self._mirrors:
             start -= 1

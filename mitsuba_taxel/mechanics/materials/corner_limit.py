@@ -96,11 +96,11 @@ def _least_energy(stretch: float, material: Material) -> float:
 
 @kept(1)
 def _functions() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Test functions on an octant of the unit sphere, for displacements and pressures near a corner, at the quadrature
-    points of the octant.
+    """Test functions near a corner, on an octant of the unit sphere, for displacements and pressures.
 
-    Weights (q,) of the q points; gradients (n, q, 3) of n orthonormal functions r^(-1/2) f for displacements; and
-    values (m, q) of m orthonormal functions r^(-3/2) f of two degrees less for the pressure.
+    Returns the weights (q,) of q quadrature points; the gradients (n, q, 3) of n orthonormal functions r^(-1/2) f for
+    displacements; and the values (m, q) of m orthonormal functions r^(-3/2) f, of a degree that is lower by two, for
+    the pressure.
     """
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     angles, node_weights = np.pi / 4 * (nodes + 1), np.pi / 4 * weights
@@ -114,8 +114,9 @@ def _functions() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _monomials(points: np.ndarray, degree: int, power: float) -> tuple[np.ndarray, np.ndarray]:
-    """Values (n, q) and gradients (n, q, 3) at r = 1 of r^power times the monomials of X / r of a degree, and of one
-    degree less."""
+    """Values (n, q) and gradients (n, q, 3), at r = 1, of n functions: r^power times a monomial of X / r, of the given
+    degree or one degree less.
+    """
     values, slopes = [], []
     for exponents in product(range(degree + 1), repeat=3):
         if sum(exponents) not in (degree, degree - 1):
@@ -133,8 +134,9 @@ def _monomials(points: np.ndarray, degree: int, power: float) -> tuple[np.ndarra
 
 
 def _orthonormal(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Coefficients (m, n) of m orthonormal combinations of n functions with values (n, q) at q points of the given
-    weights."""
+    """Coefficients (m, n) of m orthonormal combinations of n functions, which have the values (n, q) at q points with
+    weights.
+    """
     eigenvalues, vectors = np.linalg.eigh((values * weight) @ values.T)
     significant = eigenvalues > 1e-11 * eigenvalues[-1]
     return (vectors[:, significant] / np.sqrt(eigenvalues[significant])).T

@@ -79,7 +79,8 @@ class CreepResponse:
         return np.zeros((len(self.rates), components))
 
     def after(self, memory: np.ndarray, change: np.ndarray, duration: float) -> np.ndarray:
-        """Memory (k, C) of the load after it has changed linearly by ``change`` (C,) in ``duration`` s; 0 s is a jump.
+        """Memory (k, C) of the load after it has changed linearly by ``change`` (C,) within ``duration`` s. A duration
+        of 0 is a jump.
         """
         x = (self.rates * duration)[:, None]
         return np.exp(-x) * memory + np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1.0) * change
@@ -95,10 +96,10 @@ class CreepResponse:
         return Measures(responding, even if moves else None)
 
     def _growth(self, memory: np.ndarray, rate: np.ndarray, duration: float) -> Growth | None:
-        """Part of a time step in which the load's response changes, as a :class:`Growth`: the response is projected
-        onto its total change, and scaled so that it grows from 0 to 1.
+        """The measure of time in which the response of the load changes evenly within a time step; None if nothing
+        changes.
 
-        None if nothing changes.
+        The response is projected onto its total change, and scaled so that it grows from 0 to 1.
         """
         transients = self.amplitudes[:, None] * (rate - self.rates[:, None] * memory)
         steady = self.lasting * rate
@@ -138,9 +139,7 @@ class Growth:
 
     @property
     def ends(self) -> bool:
-        """Whether the measure stops growing at the end of the step: its rate there is 0 within the precision of
-        numbers.
-        """
+        """Whether the measure has stopped growing at the end of the step: its rate there is 0 to machine precision."""
         return bool(self.rate(self.duration) * self.duration < LEAST_END)
 
     def time_at(self, fraction: float) -> float:
@@ -157,9 +156,11 @@ class Growth:
         return Growth(time, self.steady / fraction, self.amplitudes / fraction, self.rates)
 
     def moments(self, times: np.ndarray) -> np.ndarray:
-        """Fractions (k, 3) of a stress that grew within a step which remain at its end, for k relaxation ``times`` tau
-        in s. They are the integrals of exp(-(time to the end) / tau) over the growth g, over g² and over g³: for
-        stresses that grow as g, g² and g³.
+        """Fractions (k, 3) of a stress that grows within a step which are left at its end, after relaxation with k time
+        constants ``times`` in s.
+
+        The three columns are for stresses that grow in proportion to g, g² and g³, where g is this measure: integrals
+        of exp(-(time to the end) / tau) over them.
         """
         shortest = np.append(times, 1 / self.rates).min()
         time, remaining, weight = _nodes(self.duration, float(shortest))
@@ -211,8 +212,9 @@ class Measures:
 
     @cached_property
     def _middle(self) -> float:
-        """Value of :meth:`_residual` where the main measure is 1/2; 0 if the residual is larger near an end of the
-        step, or is only a rounding error."""
+        """Value of :meth:`_residual` where the main measure is 1/2. It is 0 if the residual is larger near an end of
+        the step, or no larger than a rounding error.
+        """
         if self.second is None or self.main.ends:
             return 0.0
         middle, *near_ends = (self._residual(self.main.time_at(fraction))[0] for fraction in (0.5, 0.1, 0.9))

@@ -15,8 +15,9 @@ PAIRS = (_A, _B)
 
 
 def _block_indices(row: np.ndarray, i: np.ndarray, column: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Indices (pairs * 9,) into a flattened matrix (nodes * 3, nodes * 3): positions of the 3 x 3 blocks of all pairs
-    of nodes."""
+    """Positions (pairs * 9,), in a flattened matrix (nodes * 3, nodes * 3), of the entries of the 3 x 3 blocks of all
+    pairs of nodes.
+    """
     return (3 * NODES * (3 * row[:, None] + i) + 3 * column[:, None] + k).ravel()
 
 

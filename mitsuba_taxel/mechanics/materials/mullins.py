@@ -70,7 +70,7 @@ class Mullins(Displayed):
         return self.r, self.m, self.beta
 
     def damage_variable(self, energy: np.ndarray, largest: np.ndarray) -> np.ndarray:
-        """Ratio eta of the isochoric stress to that of the law.
+        """Ratio eta of the isochoric stress of the softened silicone to the stress of the law at the same strain.
 
         Parameters
         ----------

@@ -62,7 +62,7 @@ def components(tensors: np.ndarray) -> np.ndarray:
 
 
 class Weights(NamedTuple):
-    """Factors by which a time step h changes the stress Q of each of the k terms of a Prony series.
+    """Factors in the update of the stress Q of each of the k terms of a Prony series over a time step of the length h.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Weights(NamedTuple):
 
 @dataclass(frozen=True)
 class Viscoelastic(Displayed):
-    """A silicone whose stress relaxes.
+    """A silicone whose stress relaxes: an elastic law with a Prony series.
 
     Parameters
     ----------
@@ -149,14 +149,15 @@ class Viscoelastic(Displayed):
 
 @dataclass(frozen=True)
 class Elastic(Viscoelastic):
-    """A silicone whose states depend on earlier states, but not on time: a viscoelastic material without relaxing
-    terms, for friction and for Mullins' effect."""
+    """A silicone without relaxation, whose states depend on earlier states because of friction or Mullins' effect. It
+    is a viscoelastic material without relaxing terms.
+    """
 
     prony: Terms = ()
     softening: Mullins | None = None  # type: ignore[misc]
 
     def __post_init__(self) -> None:
-        """Omit the checks of a viscoelastic silicone: there are no relaxing terms."""
+        """Do nothing: a silicone without relaxing terms needs no check of them."""
 
 
 def checked_terms(prony: object) -> Terms:

@@ -77,9 +77,10 @@ class Reactions:
 
     @property
     def imbalance(self) -> float:
-        """Sum of the forces, or of the moments divided by `size`, relative to the forces; 0 without load.
+        """Magnitude of the sum of all forces, or of all moments divided by `size`, relative to the forces; 0 without
+        load.
 
-        NaN where elements are inverted.
+        It is NaN where elements are inverted.
         """
         force = float(np.linalg.norm(self.force + self.applied_force))
         moment = float(np.linalg.norm(self.moment + self.applied_moment)) / self.size

@@ -25,7 +25,8 @@ _elements = kept(1)(Elements)  # consecutive states of a study share their mesh
 
 
 class LargestStrain:
-    """The largest principal strain, stretch - 1: its mean over the :data:`SHARE` of the volume where it is highest.
+    """The largest principal strain (stretch - 1) of a pad: its mean over that fraction :data:`SHARE` of the volume
+    where it is largest.
 
     Parameters
     ----------
@@ -97,13 +98,16 @@ class LargestStrain:
 
     @cached_property
     def _averaged(self) -> tuple[Elements, np.ndarray]:
-        """The elements with averaged quadrature points, and the element (K,) of each of these points among them."""
+        """The elements that contain averaged quadrature points, and for each of the K points the element (K,) among
+        them.
+        """
         used, index = np.unique(self._element, return_inverse=True)
         return Elements(replace(self._mesh, tets=self._mesh.tets[used]), self._material), index
 
     def _blocks(self) -> Iterator[Elements]:
-        """The elements of the mesh in blocks, one at a time: those of a whole large pad would take more memory than its
-        solution, of which symmetric parts share the elements."""
+        """The elements of the mesh in blocks, one block at a time, because all elements of a large pad would not fit
+        into memory.
+        """
         count = len(self._mesh.tets)
         if count <= BLOCK:
             yield _elements(self._mesh, self._material)

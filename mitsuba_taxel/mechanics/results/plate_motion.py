@@ -34,7 +34,7 @@ class PlateMotion:
     def errors(self) -> tuple[np.ndarray, np.ndarray]:
         """Errors (3,) of displacement in mm and of rotation in degrees, one standard deviation; NaN if unknown.
 
-        They are the changes by the deviations of coarser elements, which a second mesh gives.
+        They follow from the difference between the solutions on two meshes.
         """
         deviations = self.state.deviations
         if deviations is None:

@@ -1,8 +1,8 @@
-"""Typical error of the curvature of walls due to the finite elements, which causes an error of the light at mirrors.
+"""Typical error of the curvature of walls that finite elements cause, and with it an error of the light from mirrors.
 
 A load bends the walls of cells. On few elements the displacement of a wall is accurate long before its curvature is,
-and a curved mirror has a focal length. Two meshes may agree by chance: like the displacement, the curvature has an
-error that is typical of the size of the elements.
+and a curved mirror has a focal length. Two meshes may agree by chance. So the curvature, like the displacement, gets at
+least the error that is typical of elements of this size.
 """
 
 from __future__ import annotations

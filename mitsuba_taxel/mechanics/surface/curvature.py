@@ -19,7 +19,7 @@ eigenvalue of this sum is below this fraction of the largest eigenvalue are igno
 
 
 def smooth_sheets(triangles: np.ndarray, normals: np.ndarray, region: np.ndarray, crease: float) -> np.ndarray:
-    """Divide faces into smooth sheets.
+    """Divide the faces of a surface into smooth sheets: parts without sharp edges.
 
     Parameters
     ----------

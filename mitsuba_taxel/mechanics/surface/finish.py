@@ -38,7 +38,8 @@ def _refinement(default: float) -> float:
 
 
 class Finish(Hashable, Protocol):
-    """Base of the finishes of a mould: the microscopic shape of the walls of cells, such as layer steps or roughness.
+    """Base class of surface finishes: the microscopic shape of the walls of cells that a mould leaves, such as layer
+    steps.
     """
 
     cuts: ClassVar[int]
@@ -50,7 +51,9 @@ class Finish(Hashable, Protocol):
 
     @property
     def detail(self) -> tuple[str, float]:
-        """Name and value in mm of the finest length of the finish, which the triangles of the surface must resolve."""
+        """Name and value in mm of the smallest length of the finish. The triangles of the surface must be small enough
+        to show it.
+        """
 
     @property
     def amplitude(self) -> tuple[str, float, float]:
@@ -58,7 +61,7 @@ class Finish(Hashable, Protocol):
         mm."""
 
     def relief(self, smooth: SmoothSurface) -> Relief:
-        """The rough surface, stored relative to the ``smooth`` surface, on those walls that have this finish."""
+        """The rough surface, as offsets from the ``smooth`` surface, on the walls that have this finish."""
 
 
 @dataclass(frozen=True)
@@ -197,8 +200,8 @@ class RandomRoughness(Checked):
 
     @property
     def blunt(self) -> BluntHeights:
-        """The same random heights with smaller slopes. The change of the readings with them gives the error due to flat
-        triangles.
+        """The same random heights with smaller slopes. The change that they cause in the readings is the estimate of
+        the error due to flat triangles.
         """
         return BluntHeights(self.rms_height, self.correlation_length, self.seed, self.refinement)
 
@@ -230,10 +233,10 @@ class RandomRoughness(Checked):
 
 
 class BluntHeights(RandomRoughness):
-    """A random finish with reduced slopes, for the error due to flat triangles: it loses 1 / `FACETS_SHARE` times as
-    much slope as triangles lose.
+    """A random finish with reduced slopes, for an estimate of the error due to flat triangles.
 
-    Triangles are linear between heights and therefore less steep, on average, than the surface.
+    Between heights, triangles are linear, and on average less steep than the surface. These slopes are reduced by 1 /
+    `FACETS_SHARE` times the slope that triangles lose.
     """
 
     def relief(self, smooth: SmoothSurface) -> Relief:

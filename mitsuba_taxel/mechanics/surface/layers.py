@@ -106,8 +106,9 @@ def _assembled(
 
 
 def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles of the risers: they join the two copies of each edge between pieces that have moved to different
-    levels. Also returns the number of a neighbouring triangle of each."""
+    """Triangles of the risers, which connect the two copies of each edge between pieces on different levels. Also
+    returns the number of a neighbouring triangle for each.
+    """
     start, end = pieces.ravel(), np.roll(pieces, -1, axis=1).ravel()
     size = int(vertex.max()) + 1
     low, high = np.minimum(vertex[start], vertex[end]), np.maximum(vertex[start], vertex[end])
@@ -124,8 +125,9 @@ def _risers(vertex: np.ndarray, pieces: np.ndarray, moved: np.ndarray) -> tuple[
 
 
 def _gaps(vertex: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles that close the gaps where risers meet an edge that has not moved: each joins three copies of a vertex.
-    Also returns the number of a neighbouring triangle of each."""
+    """Triangles that close the gaps where risers meet an edge that has not moved. Each connects three copies of a
+    vertex. Also returns the number of a neighbouring triangle for each.
+    """
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     riser = np.flatnonzero(vertex[start] == vertex[end])
     start, end = start[riser].astype(np.int64), end[riser].astype(np.int64)

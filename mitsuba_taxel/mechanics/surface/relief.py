@@ -1,4 +1,5 @@
-"""A rough surface, stored relative to the smooth surface of an undeformed pad, with which it deforms."""
+"""A rough surface, stored as offsets from the smooth surface of an undeformed pad; it deforms with the smooth surface.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +66,8 @@ class SmoothSurface:
 
 @dataclass(frozen=True, eq=False)
 class Relief:
-    """A closed rough surface of V vertices and T triangles, stored relative to the smooth surface of V' vertices.
+    """A closed rough surface of V vertices and T triangles, stored as offsets from the smooth surface with its V'
+    vertices.
 
     Attributes
     ----------
@@ -91,17 +93,19 @@ class Relief:
 
     @classmethod
     def of_vertices(cls, smooth: SmoothSurface, offset: np.ndarray) -> Relief:
-        """Relief with the triangles of the smooth surface, whose vertices are moved by ``offset`` (V', 3) in mm."""
+        """Rough surface with the triangles of the smooth surface, whose vertices are moved by ``offset`` (V', 3) in mm.
+        """
         number = np.arange(len(smooth.vertices))
         return cls(number, number, np.zeros(len(number)), offset, smooth.triangles, np.arange(len(smooth.triangles)))
 
     def then(self, other: Relief) -> Relief:
-        """Relief that combines two finishes: the other relief is applied to the surface of this one."""
+        """Combine two finishes: the finish ``other`` is applied to the rough surface of this one."""
         offset = other.offset + other.between(self.offset)
         return replace(other, offset=offset, parents=self.parents[other.parents], base=self)
 
     def carried(self, position: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """The deformed rough surface: x = x_smooth + F (X_rough - X_smooth).
+        """Vertices of the deformed rough surface: x = x_smooth + F (X_rough - X_smooth), with the deformation gradient
+        F.
 
         Parameters
         ----------

@@ -28,8 +28,8 @@ def surface_rates(
     shape_velocity: np.ndarray | None = None,
     cells: Sequence[int] | None = None,
 ) -> np.ndarray:
-    """Derivative of the vertices of a deformed surface with respect to a parameter of the pad. The surface is that of
-    :func:`tessellate`, without a finish.
+    """Derivative of the vertices of a deformed surface with respect to a parameter of the pad. The surface is the
+    result of :func:`tessellate` without a finish.
 
     Parameters
     ----------
@@ -86,9 +86,9 @@ def surface_gradient(
     """Derivatives of a scalar with respect to nodal displacements, from its derivatives with respect to the vertices of
     :func:`tessellate`.
 
-    The transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. If the parameter changes the
-    undeformed shape, add the sum of ``gradient`` times the result of :func:`surface_rates` for a displacement rate of
-    0.
+    This is the transpose of :func:`surface_rates`, for :meth:`LinearisedState.pull_back`. If the parameter changes the
+    undeformed shape, the derivative has a second term: the sum of ``gradient`` times the result of
+    :func:`surface_rates` for a displacement rate of 0.
 
     Parameters
     ----------

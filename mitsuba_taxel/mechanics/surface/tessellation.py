@@ -283,8 +283,8 @@ class _Walls:
     def deformed_normals(self, gradient: np.ndarray) -> np.ndarray:
         """Unit normals (P, 3) of the deformed walls, from the gradient of the displacement at the vertices (V, 3, 3).
 
-        Normals transform with the cofactors of the deformation gradient (E. J. Nanson). The mean gradient of the
-        elements around is more accurate than that of each: normals of faces are discontinuous.
+        Normals transform with the cofactors of the deformation gradient (E. J. Nanson). The gradient is the mean over
+        the elements around a vertex. It is more accurate than the normals of deformed faces, which are discontinuous.
         """
         x, y, z = np.moveaxis(np.eye(3) + gradient[self.corners.vertex], 1, 0)
         cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)

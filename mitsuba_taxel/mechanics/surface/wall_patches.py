@@ -69,8 +69,8 @@ class WallPatches:
         return self.pattern + self.shift
 
     def carried(self, nodal: np.ndarray) -> np.ndarray:
-        """Displacement or its rate (F, K, 3) at the K lattice points of F faces, from that of the elements' N nodes,
-        ``nodal`` (N, 3).
+        """Displacement, or its rate, (F, K, 3) at the K lattice points of F faces, interpolated from the values
+        ``nodal`` (N, 3) at the N nodes.
         """
         return self._location.interpolate(nodal).reshape(self.rest.shape)
 

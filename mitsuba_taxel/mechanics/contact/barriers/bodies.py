@@ -69,7 +69,9 @@ class RigidBodies:
         return np.concatenate(points), np.concatenate(triangles)
 
     def kept_by(self, mirror: Mirror) -> bool:
-        """Whether the bodies are symmetric in the plane of a mirror; False if a body is not convex."""
+        """Whether the bodies are symmetric about the plane of a mirror. The answer is False if a body is not convex,
+        because its symmetry is not tested.
+        """
         if not all(body.is_convex for body in self._parts):
             return False
         points, _ = self.surface

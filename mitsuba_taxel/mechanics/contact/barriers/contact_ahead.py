@@ -38,7 +38,8 @@ class ContactAhead:
         self._near = np.unique(mesh.faces[distance < NEAR * self.height])
 
     def after(self, moved: np.ndarray, displaced: np.ndarray, packages: np.ndarray | None) -> float:
-        """Increment of the load up to the first contact of the pad, from the movement of its nodes in a small step.
+        """Increase of the load at which the pad first touches something, extrapolated from the movement of its nodes in
+        a small step.
 
         Parameters
         ----------

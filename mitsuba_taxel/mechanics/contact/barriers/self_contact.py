@@ -205,8 +205,9 @@ class _Neighbours:
         self.pairs = {"vertex": vertex, "edge": edge}
 
     def without(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Remove pairs of adjacent faces from a list of pairs: the returned faces of each pair share neither a vertex
-        nor an edge."""
+        """Remove pairs of adjacent faces from a list of pairs. Returns the first and the second face of each remaining
+        pair; the two faces share neither a vertex nor an edge.
+        """
         keys = np.minimum(first, second) * self._count + np.maximum(first, second)
         separate = self._keys[np.searchsorted(self._keys, keys) % len(self._keys)] != keys
         return first[separate], second[separate]

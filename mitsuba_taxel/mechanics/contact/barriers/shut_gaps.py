@@ -27,7 +27,8 @@ POINTS_AT_ONCE = 4096
 
 @kept(4)  # the states of a path share their mesh
 def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
-    """Largest width at which a gap between a pad and a body counts as closed: no light passes through it.
+    """Width in mm of a gap between a pad and a body up to which the gap counts as closed, so that no light passes
+    through it.
 
     Parameters
     ----------
@@ -45,7 +46,8 @@ def widest_shut(mesh: VolumeMesh, bodies: RigidBodies) -> float:
 
 
 def kept_off(points: np.ndarray, bodies: RigidBodies, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a pad's surface, moved away from bodies that are too close, and a mask of those that touch a body.
+    """Move points of a pad's surface that are too close to a body away from it. Returns all points, and a mask of the
+    points that touch a body.
 
     Parameters
     ----------

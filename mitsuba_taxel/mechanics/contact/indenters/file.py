@@ -19,7 +19,7 @@ from mitsuba_taxel.pads.imported.placement import Placement
 
 
 class File(IndenterShape, name="file", rank=4):
-    """A closed surface from a file, which is tilted when it is read."""
+    """A body whose closed surface is read from a file. The tilt is applied when the file is read."""
 
     meaning = "a body from a file of triangles"
     uses = ("angle", "tilt", "file", "file_scale", "file_up")

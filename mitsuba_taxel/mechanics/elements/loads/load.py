@@ -38,7 +38,7 @@ from mitsuba_taxel.parameters import Parameter, check, parameters_of, values_of
 
 @dataclass(frozen=True)
 class Load(Kind, family="load"):
-    """Quantity that a load path varies, and its boundary condition.
+    """A kind of load: the quantity that a load path varies, and the boundary condition.
 
     The boundary condition follows from these attributes alone; no code tests the class of a load.
 
@@ -141,12 +141,12 @@ class Load(Kind, family="load"):
 
     @property
     def moved_indenter(self) -> Indenter | None:
-        """The indenter whose displacement is prescribed; None without one."""
+        """The indenter if its displacement is prescribed; otherwise None."""
         return self.indenter if self.gives_displacement else None
 
     @property
     def driven(self) -> Load | None:
-        """The load that prescribes the displacement of the indenter instead of the force on it; None for other loads.
+        """The load that prescribes the displacement of the same indenter; None if this load is no force on an indenter.
         """
         return None
 
@@ -177,8 +177,9 @@ class Load(Kind, family="load"):
         return float(face_areas(mesh, top_faces(mesh)).sum())
 
     def is_symmetric(self, mesh: VolumeMesh, mirror: Mirror, image: np.ndarray) -> bool:
-        """Whether the distribution of the load is symmetric in a mirror of the mesh, which maps nodes to their
-        ``image`` (N,)."""
+        """Whether the load is distributed symmetrically about a mirror of the mesh. ``image`` (N,) is the mirror image
+        of each node.
+        """
         return True if self.indenter is None else self.indenter.body.keeps(mirror)
 
     @classmethod
@@ -205,8 +206,8 @@ class Load(Kind, family="load"):
     def of_scene(cls, pad: Any, find: Any, **about: Any) -> Load:
         """Create the load from the parameters ``pad`` of a `deformable_pad`.
 
-        ``find`` returns the path of a file that they name. ``about`` has other attributes of the load, such as whether
-        it is given in the frame of the pad.
+        ``find`` returns the path of a file that the parameters name. ``about`` has other attributes of the load, such
+        as whether it is given in the frame of the pad.
         """
         parameters = {name: getattr(pad, cls.prefix + name) for name in cls.own_parameters()}
         return cls(**parameters, **about)
@@ -230,7 +231,7 @@ class DeadForce(Load):
 
     @abstractmethod
     def nodal(self, mesh: VolumeMesh) -> np.ndarray:
-        """Area of each node that the force acts on: the integral of the node's shape function over it.
+        """Loaded area that belongs to each node: the integral of the node's shape function over the loaded region.
 
         Only ratios of the areas are used, so they may be weighted. They must change continuously with the points of the
         mesh, because derivatives with respect to shapes and positions are computed from their differences.
@@ -260,7 +261,7 @@ class DeadForce(Load):
 
 
 def normal_part(value: np.ndarray) -> np.ndarray:
-    """The part of a load's value along z, or the pressure.
+    """Component of a load's value along z, other components being 0; a pressure is returned unchanged.
 
     Parameters
     ----------
