@@ -49,8 +49,8 @@ def faces_on(shape: mi.Shape, name: str, size: tuple[float, float]) -> FaceGrid:
 
 
 def matrix_of(shape: mi.Shape) -> np.ndarray:
-    """The matrix from a shape's own to world coordinates, for shapes with a parameter ``to_world``, such as a
-    rectangle.
+    """Matrix that converts the coordinates of a shape to world coordinates, for shapes with a parameter ``to_world``,
+    such as a rectangle.
 
     Entries are read individually: gathering them into an array would launch a kernel, a different kernel for each
     position, and no kernel can run while another is recorded.

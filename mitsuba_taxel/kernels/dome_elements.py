@@ -1,7 +1,7 @@
 """Default size of the finite elements of loaded cells, chosen for the accuracy of the light.
 
-Light sees the curvature of domes, and a flat mirror that a load bends has a focal length: on elements of the default
-size of a pad, the curvature of a bent roof is off by a third.
+A reading depends on the curvature of domes, and of flat mirrors that a load bends. On elements of the default size of a
+pad, the curvature of a bent roof is wrong by a third.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ def size_for_light(pad: AnyPad, load: Load, walls: list[mi.BSDF]) -> float | Non
 
 
 def fewer_triangles(subdivision: int, pad: Pad, mesh_size: float) -> int:
-    """Number of triangles along the edges of smaller elements, such that triangles are as small as on default elements.
+    """Number of triangles along each edge of smaller elements, chosen so that triangles are as small as on default
+    elements.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ def mirrors(bsdf: mi.BSDF) -> list[int]:
 
 
 def regions_with(bsdf: mi.BSDF, flags: mi.BSDFFlags) -> list[int]:
-    """Codes of the regions whose wall has at least one of the given flags."""
+    """Codes of the regions whose wall has at least one of the given ``flags``."""
     walls = bsdf.walls if is_region(bsdf) else dict.fromkeys(REGIONS, bsdf)
     return [REGIONS[name] for name, wall in walls.items() if name in REGIONS and wall.flags() & flags]
 

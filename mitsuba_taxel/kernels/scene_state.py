@@ -19,7 +19,7 @@ from mitsuba_taxel.specification.specification import Specification
 
 
 class UnknownState(Exception):
-    """An object of the scene has a kind whose state cannot be recorded."""
+    """The state of a scene cannot be recorded, because it has an object of an unknown kind."""
 
 
 class SceneState:
@@ -53,7 +53,7 @@ class SceneState:
 
 
 class KnownScene:
-    """Properties of a scene that are cached, with the state of the scene for which they are valid.
+    """Cached properties of a scene, with the state of the scene for which they are valid.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class _Collector:
 
 
 def _is_scalar_array(value: Any) -> bool:
-    """Whether a value is a scalar vector of Mitsuba, such as a size, on which no path depends."""
+    """Whether a value is a vector of scalars, such as a size. No light path depends on such a value."""
     return dr.is_array_v(value) and not dr.is_jit_v(value)
 
 

@@ -49,7 +49,9 @@ class Interpolant:
 
 
 def find_cell(nodes: mi.Float, x: mi.Float) -> mi.UInt32:
-    """The last of the ``NODES - 1`` intervals between increasing ``nodes`` that starts at or before ``x``."""
+    """Index of the last interval, of the ``NODES - 1`` intervals between increasing ``nodes``, that starts at or before
+    ``x``.
+    """
     return dr.binary_search(1, NODES - 1, lambda i: dr.gather(mi.Float, nodes, i) <= x) - 1
 
 

@@ -29,7 +29,7 @@ def walls_of(scene: mi.Scene) -> Iterator[mi.BSDF]:
 
 
 def walls_by_region(bsdf: mi.BSDF) -> Mapping[str, mi.BSDF]:
-    """BSDFs of a `region` by name; any other BSDF under an empty name.
+    """BSDFs of a `region` by the name of the region. Any other BSDF is returned under an empty name.
 
     Parameters
     ----------

@@ -110,19 +110,24 @@ class CameraImage:
 
     @property
     def relative_error(self) -> float:
-        """Root mean square of the relative error by the light of all pixels that show the coat and are not black. For a
-        pixel, it is the norm of the standard errors of its colours relative to the norm of its colours: a pixel may be
-        dark in one of them."""
+        """Relative error of the image by the light: the root mean square over all pixels that show the coat and are not
+        black.
+
+        For a pixel, it is the norm of the standard errors of its colours, relative to the norm of its colours, because
+        a pixel may be dark in one colour.
+        """
         return _relative_error(self.radiance, self.standard_error, self.coat)
 
     @property
     def relative_mechanics_error(self) -> float:
-        """As `relative_error`, but of the error due to the finite elements; NaN if unknown."""
+        """Relative error of the image by the finite elements, averaged as in :attr:`relative_error`; NaN if unknown."""
         return _relative_error(self.radiance, self.mechanics_error, self.coat)
 
     @property
     def relative_total_error(self) -> float:
-        """As `relative_error`, but of the errors due to light and finite elements together; NaN if one is unknown."""
+        """Relative error of the image by light and finite elements together, averaged as in :attr:`relative_error`; NaN
+        if one of them is unknown.
+        """
         return math.hypot(self.relative_error, self.relative_mechanics_error)
 
 
@@ -231,7 +236,7 @@ def camera_image(
 
 
 def _unloaded(scene: mi.Scene) -> AbstractContextManager[None]:
-    """A block in which the pads of a scene have no load."""
+    """Context manager: within the block, the pads of a scene have no load."""
     pads = deformed_pads(scene)
     rest = [pad.moved_places(replace(pad.state, displacement=0 * pad.state.displacement), pad.pad) for pad in pads]
     return moved(scene, pads, rest)
@@ -251,7 +256,7 @@ def _replicates(
     progress: Callable[[int, int], None] | None,
     replicates: int = REPLICATES,
 ) -> np.ndarray:
-    """Render the first independent images (R, H, W, C) of a camera; their seeds follow from ``seed`` and ``run``."""
+    """Render independent images (R, H, W, C) of a camera; their seeds follow from ``seed`` and ``run``."""
     import mitsuba as mi
 
     width, height = map(int, camera.film().crop_size())
@@ -278,11 +283,12 @@ def _replicates(
 def _mechanics_error(
     scene: mi.Scene, view: View, images: np.ndarray, samples: int, seed: int, run: int
 ) -> np.ndarray:
-    """Error (H, W, C) of the mean of images (R, H, W, C) by the finite elements of loaded pads; NaN if unknown.
+    """Error (H, W, C) by the finite elements of loaded pads, of the mean of images (R, H, W, C); NaN if unknown.
 
-    Some of the images are traced again, with the same random numbers, in pads displaced by each component of the error
-    of their shape. The mean square of the noise is subtracted from the square of each change. Two meshes may agree by
-    chance at a pixel: the error is the root mean square over the pixels of neighbouring elements."""
+    Some images are traced again, with the same random numbers, in pads displaced by each component of the error of
+    their shape. The mean square of the noise is subtracted from the square of each change. Two meshes may agree by
+    chance at a pixel, so the error is the root mean square over the pixels of neighbouring elements.
+    """
     if not (pads := loaded_pads(scene)):
         return np.zeros(images.shape[1:])
     unchanged = [images[:ERROR_REPLICATES]]  # traced already

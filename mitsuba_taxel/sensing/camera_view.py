@@ -112,7 +112,8 @@ def _camera_of(scene: mi.Scene) -> mi.Sensor:
 
 
 def refuse_large_films(scene: Scene) -> None:
-    """Refuse a scene with a film whose image does not fit into the free memory, before anything is built or deformed.
+    """Refuse a scene whose film is so large that the image does not fit into the free memory. This is checked before
+    anything is built or deformed.
 
     Parameters
     ----------
@@ -139,7 +140,7 @@ def refuse_large_films(scene: Scene) -> None:
 
 
 def refuse_unseen(scene: Scene) -> None:
-    """Refuse a scene whose image cannot be computed, as far as its unloaded pads tell, before loads are solved.
+    """Refuse a scene whose image cannot be computed. The unloaded pads are checked, before any load is solved.
 
     Parameters
     ----------

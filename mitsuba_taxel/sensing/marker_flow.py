@@ -39,7 +39,7 @@ COLUMNS = {
 
 @dataclass(frozen=True, eq=False)
 class MarkerFlow:
-    """Places and displacements of M markers.
+    """Places and displacements of the M markers on a coat.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class MarkerFlow:
         return numbers | {name: getattr(self, part)[:, k] for name, (part, k) in COLUMNS.items()}
 
     def as_lists(self) -> dict[str, list[Any]]:
-        """The arrays as lists for JSON, with None for NaN."""
+        """Convert the arrays to lists for JSON, with None instead of NaN."""
         arrays: dict[str, np.ndarray] = {field.name: getattr(self, field.name) for field in fields(self)}
         lists = {}
         for name, values in arrays.items():
@@ -77,7 +77,7 @@ class MarkerFlow:
 
     @classmethod
     def of_lists(cls, lists: Mapping[str, list[Any]]) -> MarkerFlow:
-        """The markers that `as_lists` describes.
+        """Create the markers from the lists that `as_lists` returns.
 
         Parameters
         ----------
@@ -109,10 +109,10 @@ def has_markers(scene: mi.Scene) -> bool:
 
 
 def marker_flow(scene: mi.Scene, loaded: np.ndarray, unloaded: np.ndarray) -> MarkerFlow:
-    """The flow of the markers of a scene's pads.
+    """The flow of the markers on the pads of a scene.
 
-    Displacements are those of the finite elements. Places in the image are interpolated between pixels, of which each
-    shows a known point of the coat: they contain refraction.
+    Displacements follow from the finite elements. The place of a marker in the image is interpolated between pixels,
+    each of which shows a known point of the coat; it therefore includes refraction.
 
     Parameters
     ----------

@@ -305,8 +305,9 @@ def _changes(scene: AnyScene, names: Sequence[str]) -> list[Rates]:
 def _derivatives(
     scene: AnyScene, changes: list[Rates], prepared: PreparedFor, readings: Readings, fixed: bool
 ) -> Derivatives:
-    """Derivatives of the readings, without random numbers if possible, else by random paths. With ``fixed``, the paths
-    of derivatives are as many as those of the readings."""
+    """Derivatives of the readings, computed without random numbers if possible, else by random paths. With ``fixed``,
+    derivatives use as many paths as the readings.
+    """
     from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
     from mitsuba_taxel.sensing.diffuse.diffuse_cells import NotFollowed
     from mitsuba_taxel.sensing.diffuse.diffuse_taxels import NotDiffuse

@@ -116,8 +116,9 @@ def _symmetric_segments(state: State) -> Iterator[tuple[np.ndarray, list[Mirror]
 
 
 def _all_kept_before(began: float) -> bool:
-    """Whether all meshes and solutions came from the disk cache: it is writable and has no entries newer than the time
-    ``began``, in s."""
+    """Whether all meshes and solutions were read from the disk cache: the cache is writable, and has no entry that is
+    newer than the time ``began``, in s.
+    """
     from mitsuba_taxel.mechanics import cache
 
     folder = cache.folder()

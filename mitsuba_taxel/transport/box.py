@@ -117,8 +117,9 @@ class Passage:
 
 
 def _extreme(pick, bound: float, values: list[Float64]) -> tuple[Float64, UInt32]:
-    """Largest or smallest (by the function ``pick``) of a bound and three values, and its index among the values; the
-    index is 3 for the bound."""
+    """The largest or smallest, as ``pick`` decides, of a bound and three values, and its index among the values. The
+    index of the bound is 3.
+    """
     extreme = pick(pick(values[0], values[1]), pick(values[2], bound))
     index = dr.full(UInt32, 3, dr.width(extreme))
     for k, value in enumerate(values):

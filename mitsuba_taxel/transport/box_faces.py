@@ -36,7 +36,7 @@ class BoxFaces:
     kind: np.ndarray
 
     def among(self, kept: np.ndarray) -> BoxFaces:
-        """The rectangles that a mask (R,) selects from all R rectangles."""
+        """The rectangles that a mask (R,) selects."""
         return BoxFaces(self.corner[kept], self.sides[kept], self.kind[kept])
 
     def cuts(self, longest: float) -> np.ndarray:

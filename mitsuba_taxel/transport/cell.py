@@ -105,8 +105,8 @@ class Mesh:
         self.interpolation = sparse.csr_matrix((weights.ravel(), targets.ravel(), rows), shape=(points, len(self.own)))
 
     def by_target(self, vectors: list[np.ndarray]) -> np.ndarray:
-        """Sum, for each of T targets, the vectors of its pairs: (T, 3), from the three components (N,) of the vectors
-        of all N pairs.
+        """Sum the vectors of the pairs of each target: (T, 3), from the three components (N,) of the vectors of all N
+        pairs.
         """
         return np.stack([np.add.reduceat(vector, self.first_pairs[:-1]) for vector in vectors], axis=1)
 
@@ -156,9 +156,8 @@ class Cell:
 
     @property
     def emitted(self) -> np.ndarray:
-        """Fraction (T,) of the LED's power that falls directly on each target, a quadrature point of a wall.
-
-        A target has the power on its part of the wall: sums over targets approximate integrals over walls.
+        """Fraction (T,) of the LED's power that falls directly on the part of the wall around each target (quadrature
+        point), so that sums over targets approximate integrals over walls.
         """
         return self._of_all(self._emission.power)
 
@@ -169,7 +168,7 @@ class Cell:
 
     @property
     def emission_error(self) -> float:
-        """Error of the reading due to the quadrature of the LED's power on each patch, in W per W.
+        """Error of the reading, in W per W, because the power of the LED on each patch is computed by quadrature.
 
         It is the deviation from the exact power within the outline of the patch, times the mean response to light on
         the patch.
@@ -178,11 +177,11 @@ class Cell:
 
     @cached_property
     def reception_error(self) -> float:
-        """Error of the reading due to the quadrature of the light that the phototransistor accepts from each patch, in
-        W per W.
+        """Error of the reading, in W per W, because the light that the phototransistor accepts from each patch is
+        computed by quadrature.
 
-        It is the root sum of squares of two quantities: the sum of the errors of all patches, and their root sum of
-        squares. The error of a patch follows from the difference of the two integrals of :func:`acceptance`.
+        The error of a patch follows from the difference of the two integrals of :func:`acceptance`. The result is the
+        root sum of squares of two quantities: the sum of the errors of all patches, and the root sum of their squares.
         """
         errors = self._reception_errors()
         return float(np.hypot(errors.sum(), np.linalg.norm(errors)))
@@ -219,12 +218,12 @@ class Cell:
         return accepted(self._phototransistor, self._walls.seen, self._mesh.degree)
 
     def _reception_errors(self, positions: np.ndarray | None = None) -> np.ndarray:
-        """Errors of the reading in W per W, due to the light that the phototransistor accepts from each patch that it
-        sees.
+        """Errors of the reading, in W per W, because the light that the phototransistor accepts is computed by
+        quadrature, for each patch that the phototransistor sees.
 
-        If patches are divided into subpatches for the light of the LED, the errors of the patches contain only light
-        from other walls; the errors of the subpatches, for the light of the LED, are appended. The patches may have
-        moved to other ``positions``.
+        Where patches are divided into subpatches for the light of the LED, the error of a patch contains only light
+        from other walls, and the errors of the subpatches are appended. The patches may have moved to other
+        ``positions``.
         """
         moved = None if positions is None else accepted(self._phototransistor, positions, self._mesh.degree)
         by_rule, by_outline = moved or self._accepted
@@ -299,11 +298,12 @@ class Cell:
 
     @property
     def _seen_starts(self) -> Starts:
-        """Those points of the walls, as starts of light, that LED and phototransistor see."""
+        """Points of the walls that LED and phototransistor see, as points from which light starts."""
         return self._starts.block(self._seen)
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
-        """Extend values at the targets on walls to all targets (T, ...); the values at targets on the box are 0."""
+        """Extend values at the targets on walls to an array (T, ...) of all targets, with 0 at the targets on the box.
+        """
         on_box = len(self._at) - len(values)
         return np.pad(values, [(0, on_box), *[(0, 0)] * (values.ndim - 1)]) if on_box else values
 
@@ -325,8 +325,9 @@ class Cell:
         return (to_points @ interpolation).toarray()
 
     def _crossing(self, between: Exchange) -> PiecesAtHorizon | None:
-        """Pieces of patches that cross the horizon of a target, for isotropic light; None if walls do not meet at
-        edges."""
+        """Pieces of patches, for isotropic light, that the horizon of a target divides; None if walls do not meet at
+        edges.
+        """
         if not (self._walls.have_edges and self._walls.isotropic.any()):
             return None
         crossing = pieces_at_horizon(self._mesh.pairs, self._mesh.own, self._normal, between.leaving())
@@ -394,9 +395,9 @@ class Cell:
         return gradient
 
     def bent(self, velocity: np.ndarray, side: int) -> np.ndarray:
-        """Derivatives of the reading due to light between points of one plane, which :meth:`gradient` omits.
+        """Derivatives of the reading due to light between points of one plane wall, which :meth:`gradient` leaves out.
 
-        Points of a plane see each other when it bends inwards, and not when it bends outwards, so that derivatives on
+        The points see each other once the plane bends inwards, and not if it bends outwards, so that the derivatives on
         both sides differ.
 
         Parameters

@@ -72,17 +72,21 @@ class Direct:
 
     @property
     def value(self) -> float:
-        """The correction in W per W of the LED."""
+        """Correction of the reading by the finer interpolation, in W per W of the LED."""
         return float(self.by_patch().sum())
 
     def by_patch(self) -> np.ndarray:
-        """The correction (F,) by the light on each of F patches, in W per W of the LED."""
+        """Correction (F,) of the reading by the finer interpolation, for the light on each of F patches, in W per W of
+        the LED.
+        """
         count = len(self._emission.positions)
         finer = np.bincount(self._points.face, self._power * self._reception.value, count)
         return finer - (self._emission.power * self._coarse).reshape(count, -1).sum(axis=1)
 
     def correction(self, lit: LitPoints) -> np.ndarray:
-        """Correction of the direct responses (N,) at N lit points: the finer interpolation minus the coarser one."""
+        """Correction (N,) of the direct response at N lit points: its finer interpolation minus the coarser
+        interpolation.
+        """
         subpatches = self._subpatches
         number = subpatches.of_inside if lit is self._emission.inside else subpatches.of_edge
         finer = self._reception.value.reshape(-1, len(_NODES))[number]
@@ -92,7 +96,7 @@ class Direct:
 
     @property
     def is_finer(self) -> bool:
-        """Whether the direct response is interpolated on divided patches anywhere."""
+        """Whether any patch is divided into subpatches, on which the direct response is interpolated."""
         return len(self._subpatches.face) != len(self._emission.positions) or bool((self._subpatches.side != 1).any())
 
     def reception_errors(self, positions: np.ndarray | None = None) -> np.ndarray:
@@ -128,9 +132,8 @@ class Direct:
         return radiance(self._phototransistor, (power * received).sum(axis=1), scattered, area, by_rule, by_outline)
 
     def gradient(self, wider: float) -> np.ndarray:
-        """Derivatives (F, 15, 3) of the finer direct response alone, with respect to the positions of the patches.
-
-        ``wider`` is that of :meth:`Reception.gradient`.
+        """Derivatives (F, 15, 3), with respect to the positions of the patches, of the light that the finer
+        interpolation gives. ``wider`` is explained at :meth:`Reception.gradient`.
         """
         by_start, by_normal = self._reception.gradient(self._power, wider)
         across = by_normal - (by_normal * self._normal).sum(axis=1, keepdims=True) * self._normal

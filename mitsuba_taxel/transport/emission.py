@@ -63,7 +63,7 @@ class LitPoints:
 
 @dataclass(frozen=True, eq=False)
 class Emission:
-    """Power of an LED on patches.
+    """Power that an LED sends onto patches of the walls.
 
     Attributes
     ----------
@@ -85,7 +85,9 @@ class Emission:
 
     @cached_property
     def power(self) -> np.ndarray:
-        """Fractions (F * Q,) of the LED's power at the Q points of each patch, such that sums are integrals."""
+        """Fractions (F * Q,) of the LED's power at the Q points of each of F patches. Sums over the points are
+        integrals.
+        """
         weights = self._interpolation(self.inside)
         size = weights.shape[1]
         point = self.inside.points.face[:, None] * size + np.arange(size)
@@ -93,8 +95,9 @@ class Emission:
 
     @cached_property
     def lit(self) -> np.ndarray:
-        """Fractions (N,) of the LED's power at the N points inside its cone, corrected so that closed walls receive
-        exactly its power."""
+        """Fractions (N,) of the LED's power at the N lit points inside its cone. They are scaled such that closed walls
+        receive exactly the power of the LED.
+        """
         return self._integrated * self._scale[self.inside.source]
 
     @cached_property
@@ -104,10 +107,10 @@ class Emission:
 
     @cached_property
     def _scale(self) -> np.ndarray:
-        """Correction factors (L,) for the light of each of L points of the LED, with which closed walls receive exactly
-        its power.
+        """Factors (L,) by which the light of each of L points of the LED is multiplied, so that closed walls receive
+        exactly its power.
 
-        They differ from 1 for narrow beams only: derivatives of the power through the position of such a beam are
+        They differ from 1 for narrow beams only. Derivatives with respect to the position of such a beam are
         differences of large numbers, which cancel exactly with these factors.
         """
         scale, weights = np.ones(len(self.led.points)), self.led.weights
@@ -194,7 +197,7 @@ class Emission:
         return monomials(lit.points.at, self.degree) @ coefficients(self.degree)
 
     def at(self, lit: LitPoints, values: np.ndarray) -> np.ndarray:
-        """Interpolate values that are given on the patches at points that the LED lights.
+        """Interpolate values, which are given on the patches, at lit points.
 
         Parameters
         ----------
@@ -213,8 +216,9 @@ class Emission:
 
 
 class _Rays:
-    """N rays from points of an LED to the points that they light, with the ``value`` of each: the fraction of the LED's
-    power that it carries."""
+    """N rays from points of an LED to the points that they light. The ``value`` of a ray is the fraction of the LED's
+    power that it carries.
+    """
 
     def __init__(self, led: End, lit: LitPoints, positions: np.ndarray) -> None:
         self._led = led
@@ -319,8 +323,8 @@ def _lit_pieces(led: End, phototransistor: End | None, positions: np.ndarray) ->
 def _clipped(
     led: End, positions: np.ndarray, source: np.ndarray, pieces: Pieces, degree: int
 ) -> tuple[LitPoints, LitPoints]:
-    """Clip the pieces of patches at the edge of an LED's cone. Returns quadrature points on their lit area, and at the
-    edge of the cone within them.
+    """Clip pieces of patches at the edge of an LED's cone. Returns quadrature points on the lit area, and quadrature
+    points along the edge of the cone within the pieces.
 
     Pieces that the edge crosses are subdivided, until the edge cuts off one of their corners.
     """
@@ -358,13 +362,12 @@ def _clipped(
 
 
 def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
-    """Quadrature rules for pieces (M, 3, 2) that the edge of the LED's cone crosses: one corner is lit and two are
-    dark, or vice versa.
+    """Quadrature rules for pieces (M, 3, 2) that the edge of the LED's cone crosses, so that one corner is lit and two
+    are dark, or vice versa.
 
-    The single corner is the tip. The points cover the area between the tip and the edge of the light, along rays from
-    the tip; heights (M, 6) are quadratic along these rays. The area of a dark tip is subtracted from the entire piece.
-
-    Returns the number of points per piece, and the points and weights inside the light, then those at its edge.
+    The single corner is called the tip. The points cover the area between the tip and the edge of the light, along rays
+    from the tip; heights (M, 6) are quadratic along these rays. The area of a dark tip is subtracted from the entire
+    piece. Returns the number of points per piece, and two groups of points and weights: in the light, and at its edge.
     """
     # Corners and heights in the order that begins with the tip; heights have the sign of the tip.
     up = heights[:, :3] >= 0
@@ -376,10 +379,11 @@ def _tips(corners: np.ndarray, heights: np.ndarray) -> tuple[tuple, tuple]:
     area = Pieces(rows[:, 0], corners).areas()[:, None]
 
     def cut_off(node: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rays (M, N, 2) across M triangles at the edge of the light's cone, from one corner of each to N points
-        (nodes) of the opposite side.
+        """Rays across M triangles, from one corner of each to N points (nodes) of the opposite side, at the edge of the
+        light's cone.
 
-        Also returned are the fractions (M, N) of the rays up to the edge, and their change per change of height.
+        Returns the rays (M, N, 2), the fractions (M, N) of the rays up to the edge, and the change of the fractions per
+        change of height.
         """
         # At the fraction r of a ray, the height is h0 + slope r + bend r^2.
         a, b = 1 - node, node

@@ -103,7 +103,7 @@ class Exchange:
         self._start, self._end, self._box, self._can_block = start, end, box, can_block
 
     def values(self, above: np.ndarray | None = None) -> np.ndarray:
-        """Light that arrives at the ends of the N pairs, per unit of power at their starts.
+        """Light that arrives at the end of each of the N pairs, per unit of power at its start.
 
         Parameters
         ----------
@@ -233,18 +233,19 @@ class _Pairs:
 
     @property
     def even_below(self) -> Float64:
-        """Factor of isotropic light without its step to 0 at the horizon: light from points below the horizon counts as
-        well."""
+        """Factor of isotropic light as if it did not end at the horizon: light from points below the horizon counts as
+        well.
+        """
         over = dr.select(self.facing > 0, dr.rcp(dr.square(self.distance)), 0)
         return self.isotropic / (2 * math.pi) * over * dr.sqrt(over)
 
     def at_horizon(self, width: float) -> Float64:
-        """How isotropic light changes at the horizon: the light that a pair of points gains, per mm of ``leaving``, as
-        its end point rises above the horizon (the tangent plane) of its start.
+        """Gain of isotropic light per mm when the end point of a pair rises above the horizon (the tangent plane) of
+        its start.
 
         Light appears there at once; its derivative is smoothed over directions within a ``width`` (cosine). On a
-        surface of uniform curvature, both points rise above each other's horizon together: only the difference of
-        ``facing`` and ``leaving`` counts for the horizon.
+        surface of uniform curvature both points rise above each other's horizon together, so only the difference of
+        ``facing`` and ``leaving`` counts.
         """
         over = dr.rcp(self.distance)
         cosine = self.leaving * over / width

@@ -1,8 +1,9 @@
 """Light that an LED sends onto patches, or a phototransistor accepts from them, by integrals along their outlines.
 
 The power of a point source within an outline is the integral of F(theta) dphi along the outline, divided by 2 pi. F is
-the fraction of the power up to the polar angle theta, and phi is the azimuth: Green's theorem on the sphere of
-directions. This integral needs neither the pieces nor the rules of the integrals over patches, and so checks them.
+the fraction of the power up to the polar angle theta, and phi is the azimuth (Green's theorem on the sphere of
+directions). This integral needs no pieces and no quadrature rules of patches. It is therefore an independent check of
+the integrals over patches.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class PatchCuts:
 
 
 def uncut(count: int) -> PatchCuts:
-    """Patches that are not cut, as an object of this class: each is covered by one triangle.
+    """A `PatchCuts` object for patches that are not cut: one triangle covers each patch.
 
     Parameters
     ----------

@@ -46,8 +46,9 @@ class PatchPoints:
         return monomials(self.at, DEGREE).T
 
     def _evaluated(self, positions: np.ndarray, polynomials: np.ndarray) -> np.ndarray:
-        """Values (K, P, 3) at the points, of the polynomials that K matrices (K, 15, 15) of `_COEFFICIENTS` give for
-        the positions."""
+        """Values (K, P, 3) of K polynomials at the points. K matrices (K, 15, 15) from `_COEFFICIENTS` compute the
+        polynomials from the positions.
+        """
         factors = np.swapaxes(positions, 1, 2) @ polynomials.reshape(-1, len(LATTICE)).T
         factors = factors.reshape(len(positions), -1, len(LATTICE))
         result = np.empty((factors.shape[1], len(self.face)))

@@ -74,7 +74,7 @@ def quartered(corners: np.ndarray) -> np.ndarray:
 def cut_near(
     targets: np.ndarray, positions: np.ndarray, own: np.ndarray | None, distance: float
 ) -> Iterator[tuple[np.ndarray, np.ndarray, Pieces]]:
-    """Cover all patches, for each target point, with pieces that are small relative to their distance from the target.
+    """For each target point, cover all patches with pieces that are small relative to their distance from the target.
 
     Pairs of targets and pieces are grouped by the size of the pieces.
 

@@ -43,7 +43,7 @@ class Reception:
 
     @cached_property
     def value(self) -> np.ndarray:
-        """Received power (T,) per watt that falls on each point."""
+        """Power (T,) on the phototransistor, in W per W of light that falls on each point of the walls."""
         return np.concatenate([_ReceivedPairs(self._end, block).value for block in self._blocks])
 
     def gradient(self, adjoint: np.ndarray, wider: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +85,9 @@ class _ReceivedPairs:
 
     @property
     def value(self) -> np.ndarray:
-        """Received power (T,) per watt that falls on each point; see :class:`Reception`."""
+        """Power (T,) on the phototransistor, in W per W of light that falls on each point of the walls; see
+        :class:`Reception`.
+        """
         return (self._bare * self._response).sum(axis=1)
 
     def gradient(self, adjoint: np.ndarray, wider: float) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +110,8 @@ class _ReceivedPairs:
 def acceptance(
     end: End, positions: np.ndarray, points: PatchPoints, weights: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Light that a phototransistor accepts from equally bright patches, by two integrals.
+    """Light that a phototransistor accepts from equally bright patches, by two independent integrals: over the patches
+    and along their outlines.
 
     Parameters
     ----------
@@ -142,7 +145,8 @@ def acceptance(
 
 
 def accepted(end: End, positions: np.ndarray, degree: int) -> tuple[np.ndarray, np.ndarray]:
-    """Light that a phototransistor accepts from patches, as from :func:`acceptance`, by the triangle rule of a degree.
+    """Light that a phototransistor accepts from patches, as :func:`acceptance` computes it, with the triangle rule of a
+    given degree.
 
     Parameters
     ----------

@@ -22,7 +22,8 @@ _ORBITS = {
 
 @kept(128)
 def triangle_rule(degree: int) -> Rule:
-    """The symmetric rule on the triangle with as many points as a polynomial of a degree has coefficients.
+    """The symmetric quadrature rule on the triangle with as many points as a polynomial of the given degree has
+    coefficients.
 
     Source: D. A. Dunavant, High degree efficient symmetrical Gaussian quadrature rules for the triangle, International
     Journal for Numerical Methods in Engineering 21, 1985.
@@ -73,8 +74,8 @@ def monomials(points: np.ndarray, degree: int) -> np.ndarray:
 
 @kept(128)
 def differentiated(degree: int) -> np.ndarray:
-    """Matrices (3, C, C) for polynomials with C coefficients: the identity, and the derivatives with respect to s and
-    t.
+    """Three matrices (3, C, C) that act on the C coefficients of a polynomial: the identity, and the derivatives with
+    respect to s and t.
     """
     numbers = {exponents: number for number, exponents in enumerate(_exponents(degree))}
     result = np.stack([np.eye(len(numbers)), *np.zeros((2, len(numbers), len(numbers)))])

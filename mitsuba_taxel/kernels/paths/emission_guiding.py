@@ -91,7 +91,7 @@ def guided_emission(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair)
 
 
 def _learn(integrator: mi.Integrator, scene: mi.Scene, pair: TaxelPair) -> np.ndarray:
-    """The density (T, 32, 32) from pilot runs, each guided by those before."""
+    """Learn the density (T, 32, 32) by pilot runs. Each run samples the density that the earlier runs have learned."""
     sampler = pair.sensor.sampler().fork()
     sampler.set_sample_count(_PILOT)
     lanes, side = pair.count * _PILOT, 1 << (_DEPTH // 2)

@@ -122,7 +122,9 @@ class Guide:
         return dr.fma(b - a, barycentric.x, dr.fma(c - a, barycentric.y, a)), triangle
 
     def uv(self, si: mi.SurfaceInteraction3f, member: mi.Bool) -> mi.Point2f:
-        """The point of the unit square that :meth:`uniform` maps to a given hit ``si`` on a triangle: its inverse."""
+        """Point of the unit square that :meth:`uniform` maps to a hit ``si`` on a triangle; the inverse of
+        :meth:`uniform`.
+        """
         if not self.by_distance:
             return mi.Point2f(0)
         a, b, c = self._corners(si.prim_index, member)
@@ -171,7 +173,8 @@ class Guide:
         return self._is_of(mi.Int32(index), si, active)
 
     def misses(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
-        """Mask of the hits ``si`` on walls of the mesh that reflect light but to which paths are never guided."""
+        """Mask of the hits ``si`` on walls of the mesh that reflect light, but to which the guide never samples a path.
+        """
         return self._is_of(mi.Int32(_UNSAMPLED), si, active)
 
     def _is_of(self, owner: mi.Int32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Bool:
@@ -300,11 +303,13 @@ def _regions_by_wall(bsdf: mi.BSDF) -> dict[str, list[int]]:
 
 
 def _gain(guide: Guide, scene: mi.Scene, pair: TaxelPair) -> float:
-    """Mean square weight of rays sampled with the guide, relative to that without it, after one more reflection.
+    """Mean square weight of rays that are sampled with the guide, relative to that of rays sampled without it, after
+    one more reflection.
 
     It is estimated with rays scattered from points of the guide. In a smooth dome it is about a half. Where walls meet
     in corners it exceeds 1, as most light goes to close walls, which the guide misses. Light to other walls that
-    reflect is sampled by scattering alone, which increases its weight: the variance is unbounded if these are large.
+    reflect is sampled by scattering alone, which increases its weight: the variance is unbounded if these walls are
+    large.
     """
     # Rays scattered from uniformly distributed points of the guide.
     rays = 1 << 13

@@ -194,7 +194,9 @@ def _changes(base: PairedState, other: PairedState, pair: TaxelPair, index: mi.U
 
 
 def _connection(scene, sensor, context, bsdf, si, target, clearance, active) -> mi.Float:
-    """Power of a connection from a vertex to a point of the phototransistor, per power that arrives at the vertex."""
+    """Power that a connection from a vertex to a point of the phototransistor carries, per watt that arrives at the
+    vertex.
+    """
     wo = target - si.p
     squared = dr.squared_norm(wo)
     wo /= dr.sqrt(squared)

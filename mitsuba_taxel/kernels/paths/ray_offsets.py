@@ -9,8 +9,8 @@ from mitsuba_taxel.kernels.taxel_pair import TaxelPair
 
 
 def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Ray3f:
-    """A ray from a point of a surface in direction ``d``, with its origin moved by the smallest distance at which it
-    does not hit that surface.
+    """A ray from a point of a surface in direction ``d``. Its origin is moved by the smallest distance at which it does
+    not hit that surface.
 
     Mitsuba moves the origin by 9e-5 (1 + max|p|): the reading of a plate at 0.1 mm is then half a percent too large,
     and a scene in metres is entirely wrong. Here the offset is what single precision requires: ``clearance`` (see
@@ -37,7 +37,7 @@ def leave(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) ->
 def between(
     p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float, target: mi.Point3f, target_n: mi.Vector3f
 ) -> mi.Ray3f:
-    """A ray between points of two surfaces that does not hit these surfaces; see :func:`leave`.
+    """A ray from a point of one surface to a point of another, which hits neither of these surfaces; see :func:`leave`.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def between(
 
 
 def release(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Ray3f:
-    """A ray from a flat face without adjacent walls: its origin is moved along the ray, which causes no bias.
+    """A ray from a flat face without adjacent walls. Its origin is moved along the ray, which causes no bias there.
 
     Parameters
     ----------
@@ -83,7 +83,8 @@ def release(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) 
 
 
 def _cleared(p: mi.Point3f, n: mi.Vector3f, d: mi.Vector3f, clearance: mi.Float) -> mi.Point3f:
-    """Point of a surface, moved along the normal by the offset, to the side into which ``d`` points."""
+    """Point of a surface, moved along the normal by the offset that a ray needs, to the side into which ``d`` points.
+    """
     return p + n * dr.mulsign(_offset(p, clearance), dr.dot(n, d))
 
 

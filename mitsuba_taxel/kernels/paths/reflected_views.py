@@ -31,7 +31,9 @@ MOST_MIRRORS = 4
 
 
 class ViewRay(NamedTuple):
-    """A ray that starts at a phototransistor, against the light: origin, direction and probability density."""
+    """A ray that starts at a phototransistor and is traced against the light: origin, direction and probability
+    density.
+    """
 
     exit_point: mi.Point3f
     direction: mi.Vector3f
@@ -40,8 +42,8 @@ class ViewRay(NamedTuple):
 
 
 class ReflectedEnd(NamedTuple):
-    """The point of a wall at which a ray from the phototransistor ends after reflections by mirrors, and the factors of
-    these mirrors.
+    """End of a ray that starts at the phototransistor and is reflected by mirrors: the point of the first wall that
+    scatters, and the factors of the mirrors.
     """
 
     si: mi.SurfaceInteraction3f  # at the wall that scatters

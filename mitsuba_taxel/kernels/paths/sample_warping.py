@@ -65,8 +65,9 @@ def grid_splits(weight: np.ndarray) -> np.ndarray:
 
 
 def _interleaved(rows: int, columns: int, levels: int) -> np.ndarray:
-    """For each block of a grid, the index of its node in one level of the tree, (rows, columns). The index consists of
-    the interleaved bits of column and row."""
+    """Indices (rows, columns) of the tree nodes that correspond to the blocks of a grid, in one level of the tree. An
+    index consists of the interleaved bits of column and row.
+    """
     row, column = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
     index = np.zeros_like(row)
     row_bits, column_bits = rows.bit_length() - 1, columns.bit_length() - 1

@@ -61,7 +61,7 @@ class Vertex:
 
 @dataclass
 class Mirrored:
-    """A ray that a mirror has reflected: its densities and powers before the mirror."""
+    """A ray after reflection by a mirror, with its densities and powers before the mirror."""
 
     # In 1/sr: density of the ray's direction before the mirror and of specular reflection; 0 if images have no part.
     density: mi.Float
@@ -73,7 +73,7 @@ class Mirrored:
 
     @classmethod
     def nowhere(cls) -> Mirrored:
-        """Default data, for a ray that no mirror has reflected."""
+        """Default data for a ray that no mirror has reflected."""
         return cls(mi.Float(0), mi.Float(0), mi.Float(0), mi.Float(0), mi.UInt32(0))
 
 
@@ -457,14 +457,16 @@ class Techniques:
         return member, dr.select(member, self.guide.probability, 0), self.guide.uv(si, member)
 
     def draw(self, vertex: Vertex, sample: mi.Point2f, nearness: mi.Float) -> tuple[mi.Point3f, mi.UInt32]:
-        """Sample the next vertex on triangles of the taxel's own cell: a point, and the number of its triangle."""
+        """Sample the next vertex of a path on triangles of the taxel's own cell. Returns a point, and the number of its
+        triangle.
+        """
         assert self.guide is not None
         return self.guide.sample(self.index, vertex.uv, sample, nearness)
 
     def drawn(
         self, density: mi.Float, previous: Vertex, member: mi.Bool, uv: mi.Point2f, area_per_angle: mi.Float
     ) -> mi.Float:
-        """Density [1/sr] of a ray from a vertex, whose direction was sampled by scattering or by the guide.
+        """Density [1/sr] of the direction of a ray from a vertex, which was sampled by scattering or by the guide.
 
         Parameters
         ----------

@@ -29,8 +29,9 @@ class CellSurface:
 
     @cached_property
     def middles(self) -> np.ndarray:
-        """Mean position in mm of the triangles of each cell, as an array (largest cell number + 1, 3). Row 0 is that of
-        triangles without a cell."""
+        """Mean position of the triangles of each cell, in mm, as an array (largest cell number + 1, 3). Row 0 belongs
+        to triangles without a cell.
+        """
         cell = np.maximum(self.cell, 0)
         count = np.maximum(np.bincount(cell), 1)
         columns = self.vertices[self.triangles].mean(axis=1).T

@@ -19,8 +19,8 @@ _SMALLEST_COSINE = 1e-7
 
 
 class Sample(NamedTuple):
-    """A direction sampled by a scattering law: the direction, its density [1/sr] (a probability for a mirror), value
-    over density, and the component of the law.
+    """A direction sampled by a scattering law: the direction; its density [1/sr], or its probability for a mirror; the
+    value of the law divided by the density; and the component of the law.
     """
 
     direction: mi.Vector3f
@@ -30,7 +30,7 @@ class Sample(NamedTuple):
 
 
 class Scattering(Protocol):
-    """Base of scattering laws of a wall; ``components`` are the flags of its components in Mitsuba."""
+    """Base class of the scattering laws of a wall. ``components`` are the flags of its components in Mitsuba."""
 
     components: list[int]
 

@@ -56,13 +56,15 @@ class FaceGrid:
         self.last = (columns - 1, rows - 1)
 
     def point(self, index: mi.UInt32, offset: mi.Point2f) -> mi.Point3f:
-        """World position at ``offset``, in world lengths along x and y, from the centre of face ``index``."""
+        """World position of a point of face ``index``. ``offset`` is its distance from the centre of the face along x
+        and y, in world units.
+        """
         centre = dr.gather(mi.Point3f, self.centres, index)
         return centre + self.frame.to_world(mi.Vector3f(offset.x, offset.y, 0))
 
     def locate(self, p: mi.Point3f) -> tuple[mi.UInt32, mi.Point2f]:
-        """For a point ``p``: the face (LED or phototransistor) whose centre is nearest, and the offset of ``p`` from
-        that centre.
+        """Find the face (LED or phototransistor) whose centre is nearest to a point ``p``. Returns its number, and the
+        offset of ``p`` from its centre.
         """
         local = self.frame.to_local(p - self.origin)
         column = self._nearest(local.x, self.last[0])
@@ -85,5 +87,5 @@ class FaceGrid:
 
 
 def _opaque(kind: type, values) -> Any:
-    """Vector whose components are inputs of kernels rather than literals: other values then need no new kernel."""
+    """Vector whose components are inputs of kernels instead of literals, so that other values need no new kernel."""
     return kind(*(dr.opaque(mi.Float, float(value)) for value in values))

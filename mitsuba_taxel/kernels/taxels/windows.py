@@ -58,12 +58,13 @@ class Window(Protocol):
         the die, and whether ``p`` lies in the open window of that die."""
 
     def apparent(self, squared_distance: mi.Float, cosine: mi.Float) -> mi.Float:
-        """Square of the apparent distance to the point of a die that a ray hits. It follows from the square of the
-        distance to the window and the cosine of the angle in air."""
+        """Square of the apparent distance r (see the top of this module) to the point of a die that a ray hits, from
+        the square of the distance to the window and the cosine of the angle in air.
+        """
 
 
 class NoWindow:
-    """Stands for the windows of dies that have none, because they lie in the surface of the body."""
+    """Replacement for `Window` where dies lie in the surface of the body, without a window."""
 
     def __init__(self, faces: FaceGrid) -> None:
         self.faces = faces
@@ -135,11 +136,10 @@ class ResinWindow:
         return lateral * (self.depth * dr.rsqrt(dr.square(self.index) - dr.squared_norm(lateral)))
 
     def _tangent_per_distance(self, height: mi.Float, squared_distance: mi.Float) -> mi.Float:
-        """Ratio tan t / R: the tangent of the angle in air, divided by the lateral distance R of point and die. It is
-        found by Newton's method.
+        """Ratio tan t / R: the tangent of the angle in air, divided by the lateral distance R between point and die.
 
-        R is a concave function of tan t, and the initial value R / (a + b / n) does not exceed the solution: the steps
-        approach it from one side.
+        It is found by Newton's method. R is a concave function of tan t, and the initial value R / (a + b / n) does not
+        exceed the solution: the steps approach it from one side.
         """
         square = dr.square(self.index)
         result = dr.rcp(height + self.depth / self.index)

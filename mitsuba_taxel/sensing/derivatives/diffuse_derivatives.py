@@ -206,7 +206,7 @@ class _CellDerivatives(NamedTuple):
 
 
 class _CellRates:
-    """One cell, and the velocities of its walls: their rates of change with each parameter."""
+    """The light in one cell, and the rates at which its walls move with each parameter."""
 
     def __init__(self, scene: _Linearised, number: int, nodal: list[Nodal], changed: list) -> None:
         self._scene, self._number = scene, number
@@ -254,8 +254,8 @@ class _CellRates:
         return np.array([(change * velocity).sum() for velocity in self._velocities])
 
     def _conservation_error(self, cell: Cell, values: np.ndarray) -> np.ndarray:
-        """Errors (P,) of the derivatives due to the integrals of the light from the LED and to the phototransistor, and
-        due to quadrature.
+        """Errors (P,) of the derivatives due to quadrature: of the light of the LED, of the light to the
+        phototransistor, and of the light between walls.
 
         Raises
         ------
@@ -272,8 +272,9 @@ class _CellRates:
         return np.hypot(moving, relative * values)
 
     def _difference_of_sides(self, cell: Cell) -> np.ndarray:
-        """Half the difference (P,) of the one-sided derivatives of an unloaded pad; 0 where only one side is requested.
-        The stated derivative is the mean of both."""
+        """Half the difference (P,) of the two one-sided derivatives of an unloaded pad, whose mean is the stated
+        derivative; 0 if only one side is requested.
+        """
         return np.array(
             [
                 0.0 if side else np.ptp(self._bent(cell, velocity, side).sum(axis=1)) / 2
@@ -290,8 +291,9 @@ class _CellRates:
         return np.array([cell.bent(velocity, sign) for sign in ((side,) if side else (1, -1))])
 
     def _compared(self, second: _Second, reading: float, by_patch: np.ndarray, gradient: np.ndarray) -> Comparison:
-        """Differences between the derivatives on the second mesh and on the first, both from the coarser solution of
-        the light."""
+        """Differences between the derivatives on the second mesh and on the first mesh. Both use the coarser solution
+        of the light.
+        """
         second_rates = _CellRates(second.scene, self._number, second.nodal, self._changed)
         cell = second_rates._solved(COARSE)
         second_gradient = cell.gradient()

@@ -113,8 +113,8 @@ class MovedScene:
         return [float(WALLS_MOVE * np.ptp(mesh.points[:, 2]) / speed)] if speed else []
 
     def power(self, offset: float, walls: MovingWalls | None, seed: int, points: int) -> np.ndarray:
-        """Readings (R, T) in W of T taxels in R replicates, with the parameter changed by ``offset``. The pad is not
-        moved back.
+        """Readings (R, T) in W of T taxels in R replicates, with the parameter changed by ``offset``. The pad stays
+        moved afterwards.
 
         Raises
         ------

@@ -134,8 +134,9 @@ class _PadAndSecond:
 
 
 class _Along:
-    """Differences of readings with respect to one parameter of a scene; ``walls`` are the moving walls of its pad, if
-    it has one."""
+    """Differences of readings when one parameter of a scene changes. ``walls`` are the moving walls of the pad, if the
+    scene has a pad.
+    """
 
     def __init__(
         self, effort: _Effort, change: Rates, walls: MovingWalls | None = None, stencils: Sequence[Stencil] = STENCILS
@@ -221,8 +222,8 @@ class _Along:
 
 
 class _AlongWithPad(_Along):
-    """Differences with respect to a parameter that moves the walls of a pad, with the errors due to the shape of the
-    pad."""
+    """Differences of readings when a parameter moves the walls of a pad, with the errors due to the shape of the pad.
+    """
 
     def __init__(self, effort: _Effort, pad: _PadAndSecond, change: Rates, nodal: Nodal) -> None:
         self._pad, self._mesh = pad, pad.pad.state.mesh

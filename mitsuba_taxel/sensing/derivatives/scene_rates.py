@@ -43,8 +43,9 @@ PAD, PACKAGES = DeformablePad.plugin, PhotoReflector.plugin
 
 
 def instead_of_derivative(name: str) -> str:
-    """Advice for a parameter that moves a finish. Readings have no derivative with respect to it, because they jump if
-    an edge of the finish crosses a light path."""
+    """Advice for an error message about a parameter that moves a finish. Readings have no derivative with respect to
+    it, because they jump if an edge of the finish crosses a light path.
+    """
     return f"take a difference of readings, which share their random numbers, by --vary {name}=FROM,TO"
 
 

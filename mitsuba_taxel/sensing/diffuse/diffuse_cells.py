@@ -66,8 +66,7 @@ cache."""
 
 
 class NotFollowed(ComputationError):
-    """Error: the computation of the light without random numbers would take too long, or walls occlude too much of the
-    light."""
+    """The light cannot be computed without random numbers: it would take too long, or walls occlude too much of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,8 +312,8 @@ class DiffuseCells:
             return _kept_mesh(pattern.tobytes(), degree)
 
     def cell_like(self, number: int, before: DiffuseCells) -> CellWalls:
-        """The cell of this scene for a derivative: its patches are cut as in another scene, which differs in one
-        parameter.
+        """The cell of this scene with its patches cut as in another scene, which differs in one parameter: for a
+        derivative with respect to that parameter.
 
         Parameters
         ----------
@@ -367,8 +366,9 @@ class DiffuseCells:
         return AT_ISOTROPIC_EDGES if cell.isotropic.any() else AT_EDGES
 
     def walls_alike(self, first: int, second: int) -> bool:
-        """Whether two cells, given by their indices, have the same number of patches for each scattered fraction, so
-        that they can be compared."""
+        """Whether two cells, given by their indices, have equal numbers of patches with equal scattered fractions, so
+        that their light can be compared.
+        """
         fractions = (np.column_stack([self.cells[k].isotropic, self.cells[k].lambertian]) for k in (first, second))
         counts = [np.unique(rows, axis=0, return_counts=True) for rows in fractions]
         return all(np.array_equal(*pair) for pair in zip(*counts, strict=True))
@@ -417,9 +417,9 @@ def _mesh_of(pad: AnyPad, size: float) -> VolumeMesh:
 
 
 class _PadCells(NamedTuple):
-    """The K cells of a pad, and the mesh faces that they use as patches.
+    """The K cells of a pad, and the mesh faces that serve as their patches.
 
-    ``number`` (K,) are the numbers of the cells, and ``centres`` (K, 2) their centres in mm. ``drawn`` (K,) is, for
+    ``number`` (K,) has the numbers of the cells, and ``centres`` (K, 2) their centres in mm. ``drawn`` (K,) has, for
     each cell, the number of the cell whose mesh faces it uses.
     """
 
@@ -494,7 +494,7 @@ def _with_package(of_walls: np.ndarray, of_package: np.ndarray) -> np.ndarray:
 
 
 def _hemisphere(count: int) -> np.ndarray:
-    """``count`` unit directions (N, 3) in the hemisphere around +z, evenly distributed on a spiral."""
+    """Unit directions (``count``, 3) in the hemisphere around +z, evenly distributed on a spiral."""
     z = (np.arange(count) + 0.5) / count
     turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
     across = np.sqrt(1 - z**2)

@@ -41,7 +41,7 @@ IntoPad = Callable[..., np.ndarray]
 
 
 class NotDiffuse(InputError):
-    """Error: the light of the scene needs random paths."""
+    """The light of the scene cannot be computed without random paths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Taxel:
 
     @property
     def middle(self) -> np.ndarray:
-        """Midpoint (2,) between LED and phototransistor, mm."""
+        """Point (2,) in mm, along x and y, midway between LED and phototransistor."""
         return (self.led.points.mean(axis=0) + self.phototransistor.points.mean(axis=0))[:2] / 2
 
 

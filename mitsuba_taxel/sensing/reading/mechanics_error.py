@@ -79,7 +79,8 @@ def mechanics_deviations(scene: mi.Scene, powers: Callable[[], np.ndarray]) -> t
 
 
 def combined(changes: np.ndarray) -> np.ndarray:
-    """Root of the sum of the squares of C changes (C, ...) over the first axis, with the sign of the first change."""
+    """Root of the sum of the squares of C changes (C, ...), over the first axis. The sign is that of the first change.
+    """
     return np.copysign(np.linalg.norm(changes, axis=0), changes[0])
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def exceeded_limits(scene: mi.Scene) -> dict[str, float]:
-    """Find the limits of the silicone that the largest stretch of a scene's pads exceeds.
+    """Limits of a silicone that the pads of a scene exceed, each with the largest stretch in the pads.
 
     Parameters
     ----------

@@ -165,8 +165,9 @@ def _refuse_samplers(scene: mi.Scene) -> None:
 
 
 def _refuse_unseen_indenters(scene: mi.Scene) -> None:
-    """Raise `InputError` if light may leave a pad towards an indenter, which is not a surface of the scene and would
-    not block it."""
+    """Raise `InputError` if light may leave a pad towards an indenter. An indenter is not a surface of the scene, and
+    would not block the light.
+    """
     for shape in scene.shapes():
         if not is_pad(shape) or shape.specification.indenter is None:
             continue

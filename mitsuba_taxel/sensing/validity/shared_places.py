@@ -1,4 +1,4 @@
-"""Refusal of coincident surfaces: chance would decide which of them a ray hits."""
+"""Refusal of surfaces that lie in the same place, because it would be undefined which of them a ray hits."""
 
 from __future__ import annotations
 

@@ -20,7 +20,9 @@ class AngularLaw(Protocol):
 
     @property
     def spread(self) -> float:
-        """Angle in radians from the normal; at most the fraction :data:`TAIL` of the integral lies outside of it."""
+        """Angle in radians from the normal that contains almost all of the law: at most the fraction :data:`TAIL` of
+        its integral lies outside.
+        """
 
     def width(self, cosine: np.ndarray) -> np.ndarray | float:
         """Angle in radians over which the law varies substantially at these cosines."""
@@ -34,7 +36,9 @@ class AngularLaw(Protocol):
         """Whether the law varies much more in some directions than in others."""
 
     def __call__(self, cosine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Value of the law and its derivative with respect to the cosine; also valid slightly below the cutoff."""
+        """Value of the law at a cosine, and the derivative with respect to the cosine. It is valid slightly below the
+        cutoff, too.
+        """
 
     def within(self, cosine: np.ndarray) -> np.ndarray:
         """Integral of the law over all directions whose cosine is at least ``cosine``; 0 for the cosine 1."""
@@ -103,7 +107,7 @@ def uniform_cone(cosine: float) -> CosineFactor:
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """An LED or a phototransistor: an end of light paths, as L weighted points with an angular law.
+    """An LED or a phototransistor as an end of light paths: L weighted points with an angular law.
 
     Attributes
     ----------
@@ -132,8 +136,8 @@ class End:
 
     @property
     def fineness(self) -> float:
-        """Largest allowed side of a piece of wall in the light of this LED, relative to the length over which the
-        phototransistor's response varies there.
+        """Largest allowed side of a piece of wall that this LED lights, relative to the length over which the response
+        of the phototransistor varies there.
         """
         return FINE if self.law.spread < NARROW else WIDE
 

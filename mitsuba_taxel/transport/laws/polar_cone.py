@@ -59,7 +59,7 @@ class PolarCone:
 
     @property
     def _height(self) -> float:
-        """Value 1 - cos(blunt) of the cone around the axis in which a polynomial replaces the law."""
+        """Value of 1 - cos(blunt): the height of the cone around the axis in which a polynomial replaces the law."""
         return 2 * math.sin(self.blunt / 2) ** 2
 
     @cached_property

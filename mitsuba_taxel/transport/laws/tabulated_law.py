@@ -54,7 +54,7 @@ class TabulatedLaw:
         return math.acos(self.cosines[np.flatnonzero(outside)[-1]])
 
     def width(self, _: np.ndarray) -> float:
-        """Angle in radians over which the law varies substantially: the width of that power of the cosine which has the
+        """Angle in radians over which the law varies substantially. It is the width of a power of the cosine with the
         same largest slope.
         """
         return min(self._width, ROUND * self.spread)
@@ -66,7 +66,9 @@ class TabulatedLaw:
 
     @cached_property
     def _beyond(self) -> np.ndarray:
-        """Integrals (N,) of the law over all directions farther from the normal than each of N nodes."""
+        """Integrals (N,) of the law from each of N nodes outwards, over all directions farther from the normal than the
+        node.
+        """
         means = (self.values[1:] + self.values[:-1]) / 2
         return 2 * math.pi * np.concatenate([[0.0], np.cumsum(means * np.diff(self.cosines))])
 
