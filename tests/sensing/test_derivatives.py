@@ -22,8 +22,14 @@ from mitsuba_taxel.transport import emission
 from mitsuba_taxel.transport.cell import Cell
 
 
-@pytest.mark.parametrize("cell", ["hemispheric", "spherical", "cylindrical", "parallelepiped"])
-@pytest.mark.parametrize("scattering", ["isotropic", "lambertian"])
+@pytest.mark.parametrize(
+    ("cell", "scattering"),
+    [
+        ("hemispheric", "isotropic"),
+        ("cylindrical", "isotropic"),
+        *((cell, "lambertian") for cell in ("hemispheric", "spherical", "parallelepiped")),
+    ],
+)
 def test_readings_without_random_numbers_are_those_of_random_paths(cell, scattering):
     """Within 4 standard errors, and 1e-4 for the patches: a false alarm in 2000 runs."""
     scene = pad_scene({"scattering": scattering}, cell=cell)

@@ -80,11 +80,9 @@ def with_law(scene, law):
     ("cell", "scattering", "law"),
     [
         ("cylindrical", "isotropic", CONE),
-        ("parallelepiped", "isotropic", CONE),
         ("hemispheric", "isotropic", CONE),
         ("spherical", "lambertian", CONE),
         ("parallelepiped", "isotropic", POLAR),
-        ("spherical", "lambertian", POLAR),
     ],
 )
 def test_smaller_patches_of_a_pressed_cell_read_the_same_within_the_stated_error(
@@ -339,8 +337,15 @@ def reading(pad, force):
     return power
 
 
-@pytest.mark.parametrize(("force", "error"), [((0.0, 0.0, 0.0), 2e-6), ((0.2, 0.0, -1.0), MESH)], ids=["rest", "load"])
-@pytest.mark.parametrize("cell", ["cylindrical", "spherical", "hemispheric"])
+@pytest.mark.parametrize(
+    ("cell", "force", "error"),
+    [
+        ("cylindrical", (0.0, 0.0, 0.0), 2e-6),
+        ("spherical", (0.2, 0.0, -1.0), MESH),
+        ("hemispheric", (0.0, 0.0, 0.0), 2e-6),
+        ("hemispheric", (0.2, 0.0, -1.0), MESH),
+    ],
+)
 def test_readings_are_those_of_the_same_cell(cell, force, error):
     pad = Pad(cell, 1, 1)
     assert reading(pad.as_profile(), force) == pytest.approx(reading(pad, force), rel=error)
