@@ -71,7 +71,7 @@ def one_bounce(spacing, hole, side, height, n=48):
     return roof_w @ (arriving * received)
 
 
-@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("cell", ["parallelepiped", "spherical"])
 def test_cells_of_an_undeformed_pad_read_alike(llvm_mono, agree, cell):
     reading = measure(Scene.from_file("pad.xml", cell=cell), points=1 << 9, seed=8)
     mean = reading.power.mean()
