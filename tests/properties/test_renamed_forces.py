@@ -120,10 +120,7 @@ def test_a_range_without_a_step_is_allowed_for_every_force(tmp_path):
     assert batch.varied_forces == ("f",) and batch.derivatives == ("f",)
 
 
-WITH_READINGS = sorted(path.name for path in shipped_scenes().glob("*.xml") if "phototransistor" in path.read_text())
-
-
-@pytest.mark.parametrize("file", WITH_READINGS)
+@pytest.mark.parametrize("file", ["pad.xml", "plate.xml"])
 def test_a_shipped_scene_says_the_same_under_other_names(tmp_path, file):
     """Tables, slopes, plots, exports, on large elements; of the pad of nine cells, two, of which each is as the others.
 
