@@ -26,8 +26,9 @@ def pressed(radius, depth, relative_size, x=0.0):
     return force[2] / hertz, resolution(path.mesh, load.indenter, displacement, moved), (path, moved, displacement)
 
 
-@pytest.mark.parametrize("x", [0.0, 0.37])
-@pytest.mark.parametrize(("radius", "depth"), [(1.0, 0.02), (1.0, 0.005), (0.3, 0.01)])
+@pytest.mark.parametrize(
+    ("radius", "depth", "x"), [(1.0, 0.02, 0.0), (1.0, 0.005, 0.0), (1.0, 0.005, 0.37), (0.3, 0.01, 0.0)]
+)
 def test_a_contact_that_is_resolved_has_the_force_of_hertz(radius, depth, x):
     """And what has not is not resolved: on elements of each size, some are and some are not."""
     for relative_size in (1.0, 2.0, 4.0):

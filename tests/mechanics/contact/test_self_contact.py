@@ -227,7 +227,7 @@ def any_pieces_meet(mesh, place):
     return False
 
 
-@pytest.mark.parametrize("amplitude", [0.04, 0.05, 0.06])
+@pytest.mark.parametrize("amplitude", [0.04, 0.06])
 def test_curved_faces_give_the_verdict_of_all_their_pieces_against_all(block, amplitude):
     mesh = lifted(block((1.0, 1.0, 0.6), (1, 1, 1)))
     test = ContactTest(mesh)
