@@ -240,7 +240,7 @@ def test_importing_the_rooms_imports_no_solver_nor_mesher():
     assert done.stdout.strip() == "[]"
 
 
-ROUND = [("hemispheric", 3, 1.0), ("cylindrical", 3, 1.0), ("spherical", 2, 0.5)]
+ROUND = [("hemispheric", 2, 1.0), ("cylindrical", 3, 1.0), ("spherical", 2, 0.5)]
 
 
 @pytest.mark.parametrize(("cell", "rows", "wall"), ROUND)
