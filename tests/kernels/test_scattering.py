@@ -90,8 +90,7 @@ def sphere_power(height, radius, count):
     return led_weight @ density.reshape(len(led), -1) @ detector_weight / LED_SIDE**2
 
 
-@pytest.mark.parametrize("radius", [3.0, 8.0])
-@pytest.mark.parametrize("height", [0.6, 1.1])
+@pytest.mark.parametrize(("radius", "height"), [(3.0, 0.6), (3.0, 1.1), (8.0, 0.6)])
 def test_concave_mirror_matches_quadrature(llvm_mono, agree, height, radius):
     """The quadrature has converged to a millionth; only hits see the light, all of it after one reflection."""
     expected = sphere_power(height, radius, 8)
@@ -125,8 +124,7 @@ def plate(mi, z, wall):
     }
 
 
-@pytest.mark.parametrize("z", [0.4, 1.0])
-@pytest.mark.parametrize("rms_slope", [0.02, 0.2])
+@pytest.mark.parametrize(("z", "rms_slope"), [(0.4, 0.2), (1.0, 0.02)])
 def test_a_rough_mirror_tends_to_the_mirror(llvm_mono, agree, rms_slope, z):
     """Its blur of at most 0.01 mm moves as much light over the phototransistor's edges outwards as inwards."""
     rough, smooth = (

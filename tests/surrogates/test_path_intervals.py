@@ -32,8 +32,7 @@ def test_rows_share_the_weight_of_their_path():
         assert interval_of_paths(missed, path, coverage) == width
 
 
-@pytest.mark.parametrize("paths", [2, 3, 5, 9, 20])
-@pytest.mark.parametrize("coverage", [0.5, 0.9])
+@pytest.mark.parametrize(("paths", "coverage"), [(2, 0.9), (3, 0.5), (5, 0.9), (9, 0.5), (20, 0.9)])
 def test_left_out_errors_that_are_common_to_a_path_are_covered(paths, coverage):
     """The fit is a mean: left-out errors are those from the mean of the others; false-alarm rate 1e-4.
 

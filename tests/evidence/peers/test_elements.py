@@ -179,8 +179,10 @@ def test_missing_program_is_said_in_one_line(monkeypatch, tmp_path):
 
 
 @needs_ccx
-@pytest.mark.parametrize("cell", ["parallelepiped", "hemispheric"])
-@pytest.mark.parametrize(("poisson_ratio", "force"), [(0.3, (0.4, -0.2, -1)), (0.49, (0, 0, -3))])
+@pytest.mark.parametrize(
+    ("cell", "poisson_ratio", "force"),
+    [("parallelepiped", 0.3, (0.4, -0.2, -1)), ("hemispheric", 0.49, (0, 0, -3))],
+)
 def test_nodes_agree_with_the_peer(meshes, cell, poisson_ratio, force):
     from mitsuba_taxel.evidence.peers import calculix, displacement_form
 
