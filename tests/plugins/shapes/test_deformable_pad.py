@@ -239,7 +239,7 @@ def force_at_touch():
     return brentq(lambda force: lowest_over_the_package((0, 0, force)) - 1.5, -1.5, -1.1, xtol=1e-4)
 
 
-@pytest.mark.parametrize("asked", ["0, 0, -1.35", "0, 0, -6", "0, 0, -200", "-3, 0.5, -6", "-40, 2, -1.35"])
+@pytest.mark.parametrize("asked", ["0, 0, -1.35", "0, 0, -6", "0, 0, -200", "-40, 2, -1.35"])
 def test_a_roof_pressed_onto_the_package_is_refused_at_the_load_where_it_happens(loaded, asked):
     """The same whatever is asked for, also beyond where the silicone itself gives way.
 
