@@ -120,7 +120,7 @@ def off_the_derivatives(figures):
     return np.abs(np.diff(values) - STEP * (rates[1:] + rates[:-1]) / 2) / values[1:]
 
 
-@pytest.mark.parametrize("shape", ["hemispheric"])
+@pytest.mark.parametrize("shape", ["parallelepiped", "hemispheric"])
 def test_figures_along_a_line_of_designs_are_smooth(tmp_path, shape):
     """As their derivatives have it, with moved meshes; with own meshes they jump by far more."""
     (tmp_path / "cell.xml").write_text(cell(shape))

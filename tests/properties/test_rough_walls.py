@@ -15,9 +15,9 @@ from mitsuba_taxel.sensing.reading.mechanics_error import moved
 RAYS, POINTS, REFLECTANCE = 150_000, 512, 0.9
 DEFORMATIONS = ((1.0, 1.0), (1.03, 0.92))
 """Stretch across and along z: at rest, and pressed by 8 %."""
-STEPS = [("spherical", 0.1, 0.03), ("hemispheric", 0.15, -0.05)]
+STEPS = [("spherical", 0.2, 0.0), ("spherical", 0.1, 0.03), ("hemispheric", 0.15, -0.05)]
 GROOVES = [(0.3, 0.1, (1, 0)), (0.2, 0.12, (0, 1)), (0.5, 0.3, (1, 1))]
-HEIGHTS = [(0.02, 0.3), (0.05, 0.3)]
+HEIGHTS = [(0.02, 0.3), (0.04, 0.4), (0.05, 0.3)]
 
 
 def program(pad, finish):
