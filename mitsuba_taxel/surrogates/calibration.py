@@ -184,9 +184,10 @@ def calibrate(
 
 
 def _cross_validate(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (rows, quantities) of predictions by fits without the row's path, and fold number (rows,).
+    """Errors (rows, quantities) of predictions of each row by a fit without the row's path, and the number (rows,) of
+    the fold.
 
-    Degree and penalty are selected for each fold.
+    Degree and penalty are selected again for each fold.
     """
     from sklearn.model_selection import GroupKFold
 

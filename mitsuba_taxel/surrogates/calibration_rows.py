@@ -29,8 +29,8 @@ OVER = {
 
 
 class Rows(NamedTuple):
-    """Data from which a calibration is fitted: readings (rows, taxels) in W or V, quantities (rows, quantities), and
-    path numbers (rows,).
+    """Data to which a calibration is fitted: readings (rows, taxels) in W or V; quantities (rows, quantities), such as
+    forces; and the number of the path (rows,) to which each row belongs.
     """
 
     readings: np.ndarray
@@ -39,7 +39,7 @@ class Rows(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Data of a calibration with names and units: of the quantities and of the readings."""
+    """The data of a calibration with the names and units of quantities and readings."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]

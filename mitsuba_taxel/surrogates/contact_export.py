@@ -147,8 +147,9 @@ def export_contact(
 
 
 def _solver(scene: Scene) -> Callable[[Touch], SolvedTouch]:
-    """Create a function that solves a body in full, by finite elements and light; it loads the scene when it is first
-    called."""
+    """Create a function that solves the contact of a body in full, by finite elements and light. The scene is loaded at
+    its first call.
+    """
     from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 
     loaded = list[DiffuseCells]()
@@ -199,11 +200,11 @@ def contact_notes(model: ContactModel, error: float, failed: list[str]) -> list[
 
 
 def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, Any] | None = None) -> None:
-    """Write a contact model, with units and errors.
+    """Write a contact model, with its units and errors.
 
-    An ``.npz`` file of `numpy` has these as JSON in its array ``about``, and can be read again. An ``.onnx`` file has
-    the input ``depth`` and the outputs of :class:`ContactReadings`, and these as metadata. A ``.py`` file needs JAX and
-    numpy alone: its function ``read`` can be differentiated.
+    An ``.npz`` file of `numpy` has units and errors as JSON in its array ``about``, and can be read again. An ``.onnx``
+    file has the input ``depth`` and the outputs of :class:`ContactReadings`, with units and errors as metadata. A
+    ``.py`` file needs JAX and numpy alone: its function ``read`` can be differentiated.
 
     Parameters
     ----------
@@ -300,7 +301,7 @@ def read_contact_model(file: str | Path) -> ContactModel:
 
 
 def origin_of(file: Path) -> dict[str, Any]:
-    """Name and parameters of the scene of a contact model's file, as far as it has them.
+    """Name and parameters of the scene from which a contact model was made, if its file states them.
 
     Parameters
     ----------
@@ -318,7 +319,7 @@ def origin_of(file: Path) -> dict[str, Any]:
 
 
 def _model_file(file: str | Path) -> Path:
-    """The output file; raises `InputError` for another ending."""
+    """Path of the output file; raises `InputError` for an unknown extension."""
     path = path_of("file", file)
     if path.suffix not in ENDINGS:
         raise refusal("file", str(path), "a name that ends in .npz, .onnx or .py is needed")

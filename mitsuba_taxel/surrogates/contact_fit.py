@@ -34,9 +34,9 @@ def contact_model(
 ) -> ContactModel:
     """Create a linear contact model: the readings of a pad under bodies of any shape that press on its top.
 
-    Readings are linear in the contact forces. The top is divided into patches. One back-solve with the factored
-    stiffness matrix gives the displacements by a force on one patch, and from these and the derivatives of the light
-    with respect to the walls, the changes of the readings.
+    Readings are linear in the contact forces. The top is divided into patches. For each patch, one back-solve with the
+    factored stiffness matrix gives the displacements by a force on it. The changes of the readings follow from these
+    displacements and the derivatives of the light with respect to the walls.
 
     Parameters
     ----------
@@ -116,14 +116,15 @@ def contact_model(
 
 
 def _inner_places(grid: TopGrid) -> np.ndarray:
-    """Range (2, 2) of the centres of all patches that are not at the rim: lowest and highest x and y in mm."""
+    """Range (2, 2) in mm of the centres of all patches that are not at the rim: lowest x and y, then highest x and y.
+    """
     half = np.array(grid.size)
     low, high = np.array([grid.x[0], grid.y[-1]]) + 0.5 * half, np.array([grid.x[-1], grid.y[0]]) - 0.5 * half
     return np.array([low, high])
 
 
 def _refuse_other_pads(pad: PadShape) -> None:
-    """Raise `InputError` for a pad whose contact cannot be modelled in this way."""
+    """Raise `InputError` for a pad whose contact cannot be described by a contact model."""
     if pad.is_loaded:
         raise InputError("a model of contact starts from the pad at rest: set the load of the scene to 0.")
     for name in ("prony", "mullins"):

@@ -1,4 +1,4 @@
-"""Lists of contacts, as physics engines give them, as maps for a model of contact: of depth, or of force."""
+"""Depth maps and force maps for a contact model, from the lists of contacts that physics engines provide."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def depth_maps(
     pad: np.ndarray | None = None,
     pads: int = 1,
 ) -> np.ndarray:
-    """Maps of depth for a model of contact, from a list of contacts between bodies and pads.
+    """Depth maps for a contact model, from a list of contacts between bodies and pads.
 
-    Each body is round where it touches: a ball with the radius of the contact, which is exact for balls. Of several
-    contacts of a pad, the map has the greatest depth at each patch. All lengths are in the frame of the pad.
+    At each contact the body is taken as a ball with the radius of the contact, which is exact for balls. If a pad has
+    several contacts, the map contains the greatest depth at each patch. All lengths are in the frame of the pad.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def force_maps(
     """Maps of normal force for `ContactModel.from_forces`, from a list of contact forces on pads.
 
     Each force is divided between the four nearest patches, so that the sum and, away from the rim, the moments stay the
-    same. Tangential parts are left out. All are in the frame of the pad.
+    same. Tangential components are left out. All vectors are in the frame of the pad.
 
     Parameters
     ----------
@@ -139,7 +139,9 @@ def force_maps(
 
 
 def _hats(place: float, count: int) -> np.ndarray:
-    """Weights (count,) of linear interpolation at a place from 0 to count - 1; 0 if it lies outside by half a step."""
+    """Weights (count,) with which a value at a place, from 0 to count - 1, is distributed to the grid points by linear
+    interpolation. They are 0 if the place lies more than half a step outside the grid.
+    """
     if not -0.5 <= place <= count - 0.5:
         return np.zeros(count)
     return np.maximum(1 - np.abs(np.arange(count) - np.clip(place, 0, count - 1)), 0.0)
@@ -155,7 +157,9 @@ def _vectors(name: str, values: Any) -> np.ndarray:
 
 
 def _numbers(name: str, values: Any, count: int) -> np.ndarray:
-    """Convert values to an array (K,); one number holds for all. Raises `InputError` if that is not possible."""
+    """Convert values to an array (K,); a single number is repeated K times. Raises `InputError` if that is not
+    possible.
+    """
     array = floats_of(values)
     array = np.full(count, float(array)) if array.ndim == 0 else array
     if array.shape != (count,):
@@ -164,7 +168,9 @@ def _numbers(name: str, values: Any, count: int) -> np.ndarray:
 
 
 def _pads(pad: Any, pads: int, count: int) -> np.ndarray:
-    """Check the numbers of the pads of K contacts, and return them as (K,); raises `InputError`."""
+    """Check the list that states, for each of K contacts, the number of its pad, and return it as an array (K,); raises
+    `InputError`.
+    """
     require("pads", pads, int, "a whole number")
     pad = [0] * count if pad is None else pad
     fits = pads > 0 and shape_of(pad) == (count,)

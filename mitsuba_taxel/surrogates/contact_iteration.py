@@ -1,4 +1,4 @@
-"""Contact forces by a fixed matrix in each iteration, for runtimes that cannot solve systems of varying size.
+"""Contact forces by an iteration with a constant matrix, for runtimes that cannot solve systems of varying size.
 
 The problem is that of `contact_pressures`. The alternating direction method of multipliers (S. Boyd et al., Foundations
 and Trends in Machine Learning 3, 2011, with over-relaxation as in their section 3.4.3) needs one product with a matrix
@@ -28,7 +28,7 @@ RESERVE = 1.5
 
 
 class Iteration(NamedTuple):
-    """Constants of the iteration for a model of contact with M patches.
+    """Constants of the iteration that finds the contact forces on M patches.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Iteration(NamedTuple):
 
 
 def iteration_of(model: ContactModel) -> Iteration:
-    """Choose the constants of the iteration, and test it on balls and rods.
+    """Choose the constants of the iteration for a contact model, and test them on balls and rods.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def iteration_of(model: ContactModel) -> Iteration:
 
 
 def iterated_forces(operator: np.ndarray, penalty: float, depth: np.ndarray, most: int) -> tuple[np.ndarray, int]:
-    """Contact forces by iteration.
+    """Contact forces on the patches of a pad, by a fixed number of iterations or until they converge.
 
     Parameters
     ----------

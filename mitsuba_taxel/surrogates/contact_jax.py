@@ -1,4 +1,4 @@
-"""A model of contact as one Python file that needs JAX and numpy alone."""
+"""A contact model as one Python file that needs JAX and numpy alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LINE = 118
 
 
 def jax_of_contact(model: ContactModel, arrays: Mapping[str, Any], about: Mapping[str, Any]) -> str:
-    """Write a model of contact as Python code with a function ``read``.
+    """Write a contact model as the text of a Python module with a function ``read``.
 
     Parameters
     ----------

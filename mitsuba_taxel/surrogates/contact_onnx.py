@@ -1,4 +1,4 @@
-"""A model of contact as an ONNX graph: the iteration of `contact_iteration`, then readings and flags."""
+"""A contact model as an ONNX graph: the iteration of `contact_iteration`, followed by readings and flags."""
 
 from __future__ import annotations
 
@@ -243,10 +243,10 @@ _STATUS: list[_Step] = [
 
 
 def onnx_of_contact(model: ContactModel, metadata: Mapping[str, str]) -> bytes:
-    """Write a model of contact as an ONNX model.
+    """Convert a contact model to an ONNX model.
 
-    Its input ``depth`` (pads, rows, columns) in mm and its outputs are those of a `ContactModel`, all of double
-    precision; ``status`` is int64.
+    The input ``depth`` (pads, rows, columns) in mm and the outputs are those of a `ContactModel`, in double precision;
+    ``status`` is int64.
 
     Parameters
     ----------
@@ -327,7 +327,7 @@ def onnx_of_contact(model: ContactModel, metadata: Mapping[str, str]) -> bytes:
 
 
 def _constants(model: ContactModel, iteration: Iteration) -> dict[str, Any]:
-    """Constants of the graph by name."""
+    """Constants of the ONNX graph of a contact model, by name."""
     rows, columns = model.covered.shape
     area, patches, taxels = model.size[0] * model.size[1], len(model.compliance), len(model.rest)
     second = model.second or SecondOrder(np.zeros((taxels, 4)), np.zeros(4), np.full(4, np.inf))

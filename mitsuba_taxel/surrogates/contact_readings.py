@@ -70,7 +70,8 @@ class ContactReadings(NamedTuple):
 
 
 class SecondOrder(NamedTuple):
-    """Factors by which forces and changes of readings differ from those of the linear model; see `second_order`.
+    """Second-order terms of a contact model: factors by which forces and changes of readings differ from the linear
+    model; see `second_order`.
 
     Attributes
     ----------
@@ -93,7 +94,7 @@ class SecondOrder(NamedTuple):
 
 
 class LearntErrors(NamedTuple):
-    """Errors of a contact model, found on full solutions of bodies that were left out of its fit.
+    """Errors of a contact model, estimated on bodies that were solved in full and left out of its fit.
 
     Attributes
     ----------
@@ -177,7 +178,7 @@ class ContactModel(Displayed):
         return np.stack([x, y, np.full_like(x, self.height)], axis=-1)
 
     def __call__(self, depth: np.ndarray) -> ContactReadings:
-        """Compute readings and forces from maps of depths.
+        """Compute readings and forces from depth maps.
 
         Parameters
         ----------
@@ -211,7 +212,7 @@ class ContactModel(Displayed):
         return readings._replace(status=readings.status + _bits(flags))
 
     def from_forces(self, force: np.ndarray) -> ContactReadings:
-        """Compute readings from maps of contact forces that are known, as physics engines give them.
+        """Compute readings from maps of known contact forces, such as those of a physics engine.
 
         Parameters
         ----------
@@ -250,7 +251,7 @@ class ContactModel(Displayed):
         return readings._replace(status=readings.status + _bits(flags))
 
     def displacement(self, depth: np.ndarray) -> np.ndarray:
-        """Displacement of the top under bodies, to first order, as for markers on it.
+        """Displacement of the top under bodies, to first order; for example, of markers on the top.
 
         Parameters
         ----------
@@ -277,7 +278,8 @@ class ContactModel(Displayed):
         return moved
 
     def force_features(self, forces: np.ndarray, deepest: np.ndarray) -> np.ndarray:
-        """Features of contact, by which forces at large strains differ from those of the linear model.
+        """Features of a contact, from which the second-order terms compute the deviation of the force from the linear
+        model.
 
         Parameters
         ----------
@@ -300,7 +302,8 @@ class ContactModel(Displayed):
         return np.stack([np.ones_like(total), deep, wide, deep * apart], axis=1)
 
     def reading_features(self, change: np.ndarray, total: np.ndarray, deepest: np.ndarray) -> np.ndarray:
-        """Features by which changes of readings differ from the linear ones along the same forces.
+        """Features of a contact, from which the second-order terms compute the deviation of the readings from the
+        linear model.
 
         Parameters
         ----------
@@ -321,8 +324,9 @@ class ContactModel(Displayed):
         return np.stack(np.broadcast_arrays(*columns), axis=2)
 
     def _readings(self, forces: np.ndarray, deepest: np.ndarray, depth: np.ndarray | None = None) -> ContactReadings:
-        """Results for forces (B, M) of the linear model in N and greatest depths (B,) in mm, with the flags of both;
-        maps (B, rows, columns) of depth, if they are known, give the directions of the forces."""
+        """Results for forces (B, M) of the linear model in N and greatest depths (B,) in mm, with the flags of both.
+        The depth maps ``depth`` (B, rows, columns), if they are known, give the directions of the forces.
+        """
         patches, area = np.count_nonzero(forces > 0, axis=1), self.size[0] * self.size[1]
         unlike = np.zeros(len(forces), dtype=bool)
         if self.second is not None:
@@ -375,8 +379,9 @@ class ContactModel(Displayed):
         return maps
 
     def _means(self, depth: np.ndarray) -> np.ndarray:
-        """Mean depth over each patch, from the depths at the centres of the patches. A 24th of the second differences
-        along x and y is added where both neighbours lie below the body."""
+        """Mean depth over each patch, from the depths at the centres of the patches. Its second-order correction, 1/24
+        of the second differences along x and y, is added where both neighbours lie below the body.
+        """
         means = depth.copy()
         for axis in (1, 2):
             if depth.shape[axis] < 3:
@@ -388,8 +393,11 @@ class ContactModel(Displayed):
         return means
 
     def _slopes(self, depth: np.ndarray) -> np.ndarray:
-        """Slopes (2, B, rows, columns) of maps of depth along x and y, from patches below the body: means of those to
-        both neighbours, and at an edge that to one, extrapolated from the next."""
+        """Slopes (2, B, rows, columns) of depth maps along x and y, computed from patches below the body only.
+
+        A slope is the mean of the slopes to both neighbours. At the edge of the contact, only one neighbour lies below
+        the body; the slope to it is extrapolated with the next slope.
+        """
         slopes = []
         for axis, step in ((2, self.size[0]), (1, -self.size[1])):
             maps, width = np.moveaxis(depth, axis, -1), [(0, 0), (0, 0), (2, 2)]
@@ -405,5 +413,5 @@ class ContactModel(Displayed):
 
 
 def _bits(flags: dict[int, np.ndarray]) -> np.ndarray:
-    """Sum (B,) of the bits whose flag (B,) is true."""
+    """Combine flags to one number per pad (B,): the sum of the codes whose flag is true."""
     return np.asarray(sum(np.where(flag, bit, 0) for bit, flag in flags.items()))

@@ -66,8 +66,9 @@ class Touch:
         return HALFWAY * self.depth, self.depth
 
     def below(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Depth (...) in mm of the body's surface below the undeformed top, at points (..., 3) of the top. Beside the
-        body it is the depth minus the radius."""
+        """Depth (...) in mm of the body's surface below the undeformed top, at points (..., 3) of the top. At points
+        beside the body it is the depth minus the radius.
+        """
         x, y = points[..., 0] - self.x, points[..., 1] - self.y
         turn = np.radians(self.angle)
         across = y * np.cos(turn) - x * np.sin(turn) if self.kind == "cylinder" else np.hypot(x, y)
@@ -103,7 +104,7 @@ class SolvedTouch:
 
 
 def touches(model: ContactModel, count: int, seed: int = 0) -> list[Touch]:
-    """Balls and rods that cover the range of a contact model: the first ``count`` members of a Halton sequence.
+    """Choose balls and rods that cover the range of a contact model: the first ``count`` members of a Halton sequence.
 
     Parameters
     ----------
@@ -182,7 +183,8 @@ def solved_touch(cells: DiffuseCells, touch: Touch) -> SolvedTouch:
 
 
 class StateFile:
-    """Stored solutions in a JSON file, which is rewritten after each body, so that an interrupted run can be resumed.
+    """JSON file of the bodies that have been solved. It is rewritten after each body, so that an interrupted run can be
+    resumed.
 
     Parameters
     ----------
@@ -215,8 +217,9 @@ class StateFile:
             raise InputError(f"{file} holds the states of another pad: remove it, or name another output.")
 
     def of(self, touch: Touch, solve: Callable[[Touch], SolvedTouch]) -> SolvedTouch | str:
-        """Solutions of a body: from the file, or computed by ``solve``. If the computation fails, the reason is
-        returned as text."""
+        """Solutions for a body: from the file, or computed by ``solve``. If the computation fails, the reason is
+        returned as text.
+        """
         if touch not in self._solved:
             try:
                 self._solved[touch] = solve(touch)

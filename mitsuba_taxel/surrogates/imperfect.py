@@ -1,4 +1,6 @@
-"""Readings of many pads over time as real ones give them: memory, spread, dead taxels, latency, noise and counts."""
+"""Imperfections that real pads have, added to the readings of a model: memory, spread, dead taxels, latency, noise and
+counts.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ FILTERED = ("shot", "thermal")
 
 
 class PadSpread(NamedTuple):
-    """Sensors of a tolerance study, relative to the nominal one.
+    """Readings of the sensors of a tolerance study, relative to those of the nominal sensor.
 
     Attributes
     ----------
@@ -121,10 +123,11 @@ class ImperfectReadings(NamedTuple):
 
 
 class ImperfectPads:
-    """Readings of B pads over time, from those of a model of the perfect pad.
+    """Converts readings of a model of the perfect pad to readings of B imperfect pads over time.
 
-    Everything is off by default. The order is that of the sensor: memory of the silicone, spread from sensor to sensor,
-    dead taxels, response of the circuit, latency of its low pass, noise, converter.
+    All imperfections are off by default. They are applied in the order in which they occur in a sensor: memory of the
+    silicone, spread from sensor to sensor, dead taxels, response of the circuit, latency of its low pass, noise,
+    converter.
 
     Parameters
     ----------
@@ -205,12 +208,13 @@ class ImperfectPads:
             self._fluctuation = self._noise_at_rest * self._random.standard_normal((pads, taxels))
 
     def _power(self, change: np.ndarray) -> np.ndarray:
-        """Powers of the pads from the changes of the perfect one."""
+        """Powers of the imperfect pads in W, from the changes of the readings of the perfect pad."""
         return np.where(self.dead, 0.0, self._rest * self._factors[0] + change * self._factors[1])
 
     def _electrical(self, power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Voltage before the low pass, standard deviation of the noise that passes it, and that of other noise: each
-        (B, T) in V."""
+        """Electrical signal of the pads, three arrays (B, T) in V: voltage before the low pass, standard deviation of
+        the noise that passes the low pass, and standard deviation of all other noise.
+        """
         assert self._circuit is not None
         parts = noise_parts(self._circuit, lit(power))
         filtered = np.sqrt(sum(parts[name] ** 2 for name in FILTERED))
@@ -218,7 +222,7 @@ class ImperfectPads:
         return respond(self._circuit, lit(power)).output, filtered, others
 
     def step(self, power: np.ndarray, duration: float) -> ImperfectReadings:
-        """Readings at the end of a step.
+        """Readings of the imperfect pads at the end of a time step.
 
         Parameters
         ----------
@@ -265,7 +269,7 @@ class ImperfectPads:
         return ImperfectReadings(imperfect, np.where(known, voltage, np.nan), counts)
 
     def reset(self, pads: Any = slice(None)) -> None:
-        """Set pads to rest, such as at the start of an episode; spread and dead taxels stay.
+        """Set pads to the state at rest, for example at the start of an episode. Spread and dead taxels do not change.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Memory of a viscoelastic pad in readings and forces of a model of its instantaneous response, step by step."""
+"""Memory of a viscoelastic pad, added step by step to the readings and forces of a model without memory."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class PadMemory:
         self._memory = self._response.at_rest(pads * values)
 
     def step(self, values: np.ndarray, duration: float) -> np.ndarray:
-        """Values with memory at the end of a step.
+        """Readings or forces with the memory of the silicone at the end of a time step.
 
         Parameters
         ----------
@@ -81,7 +81,7 @@ class PadMemory:
         return np.where(known, self._response.lasting * held + transient, np.nan)
 
     def reset(self, pads: Any = slice(None)) -> None:
-        """Set pads to rest.
+        """Set pads to the state at rest: the silicone forgets earlier loads.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class PadMemory:
 
 
 def checked_step(name: str, values: Any, shape: tuple[int, ...], duration: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Check the values of a step.
+    """Check the values and the duration of a time step, and return them as arrays.
 
     Parameters
     ----------

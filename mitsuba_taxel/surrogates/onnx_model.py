@@ -131,7 +131,7 @@ def export(study: xr.Dataset | xr.DataTree, file: str | Path) -> tuple[Polynomia
 
 
 class StudyError(NamedTuple):
-    """Total error of a study's readings relative to the full scale of their taxel, NaN if an error is unknown.
+    """Total error of the readings of a study, relative to the full scale of their taxel; NaN if an error is unknown.
 
     Attributes
     ----------
@@ -172,7 +172,9 @@ def json_number(number: float) -> float | None:
 
 
 def _voltage_error(circuit: Circuit, unseen: Unseen) -> tuple[float, float]:
-    """Error in V of readings that the fit has not seen: root mean square of the worst taxel, and largest error."""
+    """Error in V of the predictions of readings that were left out of the fit: the root mean square for the worst
+    taxel, and the largest error.
+    """
     expected, predicted = (respond(circuit, lit(power)).voltage for power in unseen)
     residual = predicted - expected
     return float(np.sqrt(np.square(residual).mean(axis=0)).max()), float(np.abs(residual).max())

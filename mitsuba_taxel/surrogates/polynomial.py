@@ -17,8 +17,9 @@ MOST_TESTS = 24
 
 
 class Unseen(NamedTuple):
-    """Readings (rows, taxels) that were left out of a fit, and the predictions of them by the fit, in the unit of the
-    readings."""
+    """Readings (rows, taxels) that were left out of a fit, and their predictions by the fit, in the unit of the
+    readings.
+    """
 
     wanted: np.ndarray
     predicted: np.ndarray
@@ -152,8 +153,8 @@ def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, n
 def _test_groups(scaled: np.ndarray, path: np.ndarray) -> tuple[list[np.ndarray], str]:
     """Masks (rows,) of the rows that each test leaves out, and a description of the tests.
 
-    A test leaves out a path such that the remaining rows span the same ranges of inputs. If there is no such path, it
-    leaves out a single row of this kind.
+    A test leaves out a path such that the remaining rows span the same ranges of inputs. If no path is of this kind, a
+    test leaves out a single row of this kind.
     """
     paths = [path == number for number in np.unique(path)]
     inside = [rows for rows in paths if not rows.all() and _spans(scaled[~rows])]

@@ -29,8 +29,11 @@ FEWEST = 4
 
 
 class _Rows(NamedTuple):
-    """S states: number of the body (S,), results of the linear model and its forces (S, M), greatest depths (S,) in mm,
-    features of the force (S, 4); and the full solutions, changes of readings in W, forces in N and moments in N mm."""
+    """Data to which the second-order terms are fitted, for S states.
+
+    Of the linear model: the number of the body (S,), its results, forces (S, M), greatest depths (S,) in mm, and
+    features of the force (S, 4). Of the full solutions: changes of readings in W, forces in N, and moments in N mm.
+    """
 
     body: np.ndarray
     linear: ContactReadings
@@ -48,7 +51,7 @@ class _Rows(NamedTuple):
 
 
 def with_second_order(model: ContactModel, solved: Sequence[SolvedTouch]) -> ContactModel:
-    """Contact model with second-order terms that are fitted to full solutions, and with its error on left-out bodies.
+    """Add second-order terms to a contact model, fitted to full solutions, and its error on bodies left out of the fit.
 
     Parameters
     ----------
@@ -129,12 +132,12 @@ def _rows(model: ContactModel, solved: Sequence[SolvedTouch]) -> _Rows:
 
 
 def _subsets(count: int) -> list[tuple[bool, ...]]:
-    """All choices of ``count`` terms, the smallest first."""
+    """All subsets of ``count`` terms, the smallest subsets first, as tuples that state whether each term is used."""
     return sorted(product((False, True), repeat=count), key=sum)
 
 
 def _force_terms(rows: _Rows, used: tuple[bool, ...], kept: np.ndarray) -> np.ndarray:
-    """Coefficients (4,) of the terms of the force, from the rows ``kept`` (S,)."""
+    """Fit the coefficients (4,) of the terms of the force to the rows ``kept`` (S,)."""
     coefficients, terms = np.zeros(4), np.flatnonzero(used)
     if len(terms):
         matrix = rows.force[kept, None] * rows.force_features[kept][:, terms]
@@ -144,19 +147,25 @@ def _force_terms(rows: _Rows, used: tuple[bool, ...], kept: np.ndarray) -> np.nd
 
 
 def _ratios(rows: _Rows, used: tuple[bool, ...], kept: np.ndarray) -> np.ndarray:
-    """Ratios (S,) of all forces to those of the linear model, from the rows ``kept``."""
+    """Ratio (S,) of the force to the force of the linear model, for all states, with terms that are fitted to the rows
+    ``kept``.
+    """
     return 1 + rows.force_features @ _force_terms(rows, used, kept)
 
 
 def _sides(rows: _Rows, ratio: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Ratio (S,) of tangential forces to those of slopes, the same for all states, from the rows ``kept``."""
+    """Ratio (S,) of the tangential force to the tangential force that the slopes of the bodies give. It is the same for
+    all states, and fitted to the rows ``kept``.
+    """
     slopes = (ratio[:, None] * rows.linear.force[:, :2])[kept]
     square = np.square(slopes).sum()
     return np.full(len(ratio), (slopes * rows.full_force[kept, :2]).sum() / square if square > 0 else 1.0)
 
 
 def _wrenches(rows: _Rows, ratio: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Forces and moments (S, 3), with ratios (S,) of all forces, and of tangential ones, to the linear ones."""
+    """Forces and moments (S, 3), from those of the linear model: forces are multiplied by ``ratio`` (S,), and
+    tangential forces by ``side`` (S,) as well.
+    """
     normal = rows.linear.force * [0, 0, 1]
     upright = np.cross(np.append(np.nan_to_num(rows.linear.centre), np.zeros((len(ratio), 1)), axis=1), normal)
     force, moment = (
@@ -167,7 +176,9 @@ def _wrenches(rows: _Rows, ratio: np.ndarray, side: np.ndarray) -> tuple[np.ndar
 
 
 def _along_forces(model: ContactModel, rows: _Rows, by_force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Linear changes (S, T) in W along the forces with given terms, and the features (S, T, 4) of their factors."""
+    """Changes (S, T) of the readings in W by the linear model under forces with the terms ``by_force``, and the
+    features (S, T, 4) of these changes.
+    """
     forces = rows.forces * (1 + rows.force_features @ by_force)[:, None]
     change = forces @ model.gradient.T
     return change, model.reading_features(change, forces.sum(axis=1), rows.deepest)
@@ -176,7 +187,7 @@ def _along_forces(model: ContactModel, rows: _Rows, by_force: np.ndarray) -> tup
 def _reading_terms(
     model: ContactModel, rows: _Rows, by_force: np.ndarray, used: tuple[bool, ...], shared: bool, kept: np.ndarray
 ) -> np.ndarray:
-    """Coefficients (T, 4) of the terms of the readings, from the rows ``kept`` (S,)."""
+    """Fit the coefficients (T, 4) of the terms of the readings to the rows ``kept`` (S,)."""
     change, features = _along_forces(model, rows, by_force)
     taxels, terms = change.shape[1], np.flatnonzero(used)
     coefficients = np.zeros((taxels, 4))
@@ -199,14 +210,14 @@ def _changes(
     shared: bool,
     kept: np.ndarray,
 ) -> np.ndarray:
-    """Changes (S, T) of all readings in W, with terms from the rows ``kept``."""
+    """Changes (S, T) of all readings in W, by terms that are fitted to the rows ``kept``."""
     by_force = _force_terms(rows, used_force, kept)
     change, features = _along_forces(model, rows, by_force)
     return change * (1 + (features * _reading_terms(model, rows, by_force, used, shared, kept)).sum(axis=2))
 
 
 def _left_out(rows: _Rows, predict: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Predictions (S, ...) for each body, from the others."""
+    """Predictions (S, ...) for the states of each body, by terms that are fitted to all other bodies."""
     predicted = None
     for number in np.unique(rows.body):
         out = rows.body == number
@@ -218,5 +229,5 @@ def _left_out(rows: _Rows, predict: Callable[[np.ndarray], np.ndarray]) -> np.nd
 
 
 def _rms(misses: np.ndarray) -> float:
-    """Root mean square error over the states, of the taxel for which it is largest."""
+    """Root mean square error over all states, for the taxel with the largest one."""
     return float(np.sqrt(np.square(misses).mean(axis=0)).max())

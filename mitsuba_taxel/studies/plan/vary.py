@@ -255,11 +255,11 @@ def sides_along(axis: Axis) -> list[dict[str, int]]:
 
 
 def checked_places(axis: Axis) -> set[int]:
-    """Indices along a dimension at which the effect of the finite elements on readings is computed, rather than
-    interpolated.
+    """Indices along a dimension at which the effect of the finite elements on readings is computed. At all other
+    indices it is interpolated.
 
-    The effect changes slowly along a smooth curve; `MOST_CHECKED` evenly spread indices are chosen, and results between
-    them are interpolated. All indices are returned if there are fewer, or if the values are not monotonic.
+    The effect changes slowly along a smooth curve, so `MOST_CHECKED` evenly spread indices are chosen. All indices are
+    returned if there are fewer, or if the values are not monotonic.
     """
     steps = [np.diff(numbers) for words in axis.values.values() if (numbers := as_numbers(words))]
     smooth = len(steps) == len(axis.values) and all(np.all(step >= 0) or np.all(step <= 0) for step in steps)

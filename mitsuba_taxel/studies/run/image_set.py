@@ -48,8 +48,8 @@ def image_set(
 ) -> dict[str, pd.DataFrame]:
     """Pack a study of images as a training set: a training, validation and test table, and copies of the images.
 
-    Images whose loads and places of contact are the same belong to the same table, for any values of the other
-    parameters. If no load or place is varied, all varied parameters count.
+    Images with the same loads and places of contact belong to the same table, whatever their other parameters are. If
+    no load or place is varied, all varied parameters count.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def _refuse_large(study: Path, files: Sequence[str]) -> None:
 
 
 def _group(study: Path, part: pd.DataFrame) -> xr.Dataset:
-    """Collect the columns of a table, and the arrays of its images over row, y and x, for a group of an HDF5 file."""
+    """Columns of a table, and the arrays of its images over row, y and x: the content of one group of an HDF5 file."""
     images = [read_image(study / file)[0] for file in part.image]
     variables = {}
     for heading in part:

@@ -66,15 +66,17 @@ class _TrainingRows(NamedTuple):
 
     @property
     def by_curve(self) -> bool:
-        """Whether rows are split by what varies along a curve: no force varies, and that of an indenter or a plate is a
-        result."""
+        """Whether rows are split by the parameters that vary along a curve, because no force is varied: the force of an
+        indenter or a plate is then a result.
+        """
         forces = _force_columns(self.parameters)
         return WRENCH[0] in self.parameters and all(self.parameters[name].nunique() <= 1 for name in forces)
 
     @property
     def load(self) -> list[str]:
-        """Parameters by which rows are split: components of the force, or what varies along a curve, such as the depth
-        of an indenter."""
+        """Parameters by which rows are split: components of the force, or the parameters that vary along a curve, such
+        as the depth of an indenter.
+        """
         return self.curve if self.by_curve else _force_columns(self.parameters)
 
 
@@ -92,11 +94,12 @@ def training_set(
 ) -> dict[str, pd.DataFrame]:
     """Create tables of forces and readings for training a calibration model: a training, validation and test set.
 
-    All rows of one force, for any noisy copy and any value of the other parameters, belong to the same set. If forces
-    are results of a study by the depth of an indenter, all rows of one depth do; if several parameters vary together
-    along its curves, all rows with the same values of them do. Forces are sorted by a hash of seed and force, and this
-    order is cut at the given fractions. The set of a force thus depends neither on noise, copies and other parameters
-    nor on failed jobs. If forces are added later, only forces next to a cut can change their set.
+    All rows with the same force belong to the same set, whatever their noisy copy and their other parameters are. If
+    forces are results of a study by the depth of an indenter, the same holds for rows with the same depth; if several
+    parameters vary together along its curves, for rows with the same values of all of them. Forces are sorted by a hash
+    of seed and force, and this order is cut at the given fractions. The set of a force thus depends neither on noise,
+    copies and other parameters nor on failed jobs. If forces are added later, only forces next to a cut can change
+    their set.
 
     Parameters
     ----------

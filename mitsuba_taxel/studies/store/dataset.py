@@ -259,11 +259,11 @@ def _positions(dims: Sequence[str], shape: Index, results: Mapping[Index, Stored
 
 
 def _abscissa(axis: Axis) -> np.ndarray:
-    """Abscissa (size,) along a dimension, by which results between two scenes are interpolated.
+    """Coordinate (size,) along a dimension with which results between two scenes are interpolated.
 
     It is the length of the path through the space of the numeric parameters, each relative to its range. If no
-    parameter changes, it is the index of the scene. Errors of the mechanics grow with the load, and loads need not be
-    evenly spaced.
+    parameter changes, it is the index of the scene. It is not the index otherwise, because errors of the mechanics grow
+    with the load, and loads need not be evenly spaced.
     """
     numbers = [np.array(values) for values in map(as_numbers, axis.values.values()) if values]
     ranges = [(values, np.ptp(values)) for values in numbers]

@@ -254,10 +254,11 @@ def image_table(axes: Sequence[Axis], store: ImageStore, about: Mapping[str, Any
 
 
 def write_images(study: xr.Dataset, folder: Path) -> None:
-    """Write what follows from the images of a study: a PNG beside each, the tables ``images.csv`` and, with markers,
-    ``markers.csv``, a contact sheet, and ``film.png``, an animated PNG of all images in the order of the table.
+    """Write tables and pictures of a study of images: a PNG file beside each image, the tables ``images.csv`` and, with
+    markers, ``markers.csv``, a contact sheet, and ``film.png``, an animated PNG of all images in the order of the
+    table.
 
-    All pictures have the same radiance as white, so that they can be compared.
+    All pictures show the same radiance as white, so that they can be compared.
 
     Parameters
     ----------
@@ -299,7 +300,7 @@ def write_images(study: xr.Dataset, folder: Path) -> None:
 
 
 def write_flow(study: Path, files: Sequence[str], output: Path) -> None:
-    """Write the flow of the markers of all images as one table; nothing without markers.
+    """Write the flow of the markers of all images as one table. Nothing is written without markers.
 
     Parameters
     ----------
@@ -318,7 +319,7 @@ def write_flow(study: Path, files: Sequence[str], output: Path) -> None:
 
 
 def image_rows(study: xr.Dataset) -> pd.DataFrame:
-    """The images of a study as a table with a row for each; scenes without an image are omitted.
+    """The images of a study as a table with one row for each image; scenes without an image are omitted.
 
     Parameters
     ----------

@@ -67,7 +67,8 @@ def study_status(folder: str | Path) -> list[Status]:
 
 
 def _states(folder: Path, name: str) -> Iterator[Status]:
-    """Progress of the study in a folder, whose scene is called ``name``; for a folder of several scenes, that of each.
+    """Progress of the study in a folder, whose scene is called ``name``; for a folder of several scenes, the progress
+    of each of them.
     """
     study = read_results(folder)
     scenes = study["scenes"]

@@ -56,8 +56,9 @@ class TrainingPart(NamedTuple):
 
 
 class Column(NamedTuple):
-    """A column of a table: name without unit; unit; and the component of the force, of the wrench or of the contact
-    position that the column contains, blank for other columns."""
+    """A column of a table: its name without unit, its unit, and the component of the force, of the wrench or of the
+    contact position that it contains; blank if it contains something else.
+    """
 
     name: str
     unit: str
@@ -274,9 +275,10 @@ def _features(table: pd.DataFrame, columns: Mapping[str, Column]) -> dict[str, l
 
 
 def _statistics(values: np.ndarray) -> dict[str, list[float]]:
-    """Statistics of a feature (frames, elements), with which LeRobot normalises the feature.
+    """Statistics by which LeRobot normalises a feature (frames, elements).
 
-    Frames in which an element is NaN are omitted for this element. If all are, its statistics are 0: JSON has no NaN.
+    Frames in which an element is NaN are omitted for this element. If it is NaN in all frames, its statistics are 0,
+    because JSON has no NaN.
     """
     values = np.where(np.isnan(values).all(axis=0), 0.0, values.astype(float))
     quantiles = {f"q{percent:02d}": np.nanpercentile(values, percent, axis=0) for percent in (1, 10, 50, 90, 99)}
