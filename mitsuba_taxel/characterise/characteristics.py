@@ -74,7 +74,9 @@ def characteristics(experiments: Iterable[Experiment], off: Changed | None = Non
 
 
 def _figures(experiments: Iterable[Experiment]) -> list[dict[str, Any]]:
-    """Rows of all slopes and deviations; ``derived`` marks errors that come from derivatives."""
+    """Table rows of all slopes and deviations of experiments. The field ``derived`` marks errors that come from
+    derivatives.
+    """
     return [row for experiment in experiments for row in rows_of(experiment, (*SLOPES, *DEVIATIONS))]
 
 

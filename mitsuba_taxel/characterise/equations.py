@@ -135,8 +135,9 @@ def _overlap(first: Branch, second: Branch) -> tuple[float, float]:
 
 
 def _difference(first: Branch, second: Branch) -> tuple[np.ndarray, np.ndarray]:
-    """Forces (points,) at which either of two branches has a point, and the difference of the branches there. The
-    difference is linear in between."""
+    """Difference of the readings of two branches, at all forces at which either branch has a point. Returns the forces
+    (points,) and the differences, which are linear in between.
+    """
     low, high = _overlap(first, second)
     if not low < high:
         raise InputError(

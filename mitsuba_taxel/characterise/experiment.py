@@ -173,7 +173,7 @@ class Experiment:
 
     @property
     def largest_change(self) -> np.ndarray:
-        """v_max of equations 5 to 7: the largest magnitude of the change in all runs (replicates, channels)."""
+        """Largest magnitude of the change in all runs (replicates, channels): v_max of equations 5 to 7."""
         samples = np.concatenate([run.samples for run in self.runs])
         values = samples.mean(axis=1)
         point = np.abs(values).argmax(axis=0)
@@ -188,10 +188,10 @@ def split_at_zero(run: Branch) -> list[Branch]:
 
 
 def parts_at_zero(force: np.ndarray) -> list[slice]:
-    """Slices of a run, split where its force passes through zero; both contain the point of least force.
+    """Slices of a run that is split where its force passes through zero. Both slices contain the point of least force.
 
-    The run is not split if one side is less than a tenth of the other: a small offset of the reference sensor does not
-    make a branch.
+    The run is not split if one side is shorter than a tenth of the other: a small offset of the reference sensor does
+    not make a branch.
     """
     if not len(force) or force[0] * force[-1] >= 0:
         return [slice(None)]

@@ -140,8 +140,9 @@ def _noise(basis: np.ndarray, readings: np.ndarray) -> np.ndarray:
 
 
 def _priors(basis: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Prior variances of the coefficients of a curve, for each pair of size and ratio (H, K), and the probability (H,)
-    of each pair."""
+    """Prior variances (H, K) of the K coefficients of a curve, for each of H pairs of size and ratio, and the
+    probability (H,) of each pair.
+    """
     mean, noise = readings.mean(axis=1), _noise(basis, readings)
     scale = np.ptp(mean) or 1.0
     degrees = np.arange(basis.shape[1])

@@ -36,8 +36,8 @@ class LoadLine:
 
     @property
     def ordered(self) -> bool:
-        """Whether the load actually passed through the forces in this order. If the force is a dimension of the study,
-        it did not: the forces then belong to independent scenes.
+        """Whether the load passed through the forces of the line in their order. It did not if the force is a dimension
+        of the study: the forces then belong to independent scenes.
         """
         return self.dim not in FORCES
 
@@ -221,7 +221,7 @@ def unit_of(study: xr.Dataset) -> str:
 def _experiment(
     line: LoadLine, where: dict[str, Any], line_runs: list[Branch], taxel: np.ndarray, unit: str
 ) -> Experiment:
-    """An experiment of the changes since the readings at the least force."""
+    """Create an experiment from runs. Its changes are relative to the readings at the least force."""
     force = np.concatenate([run.force for run in line_runs])
     rest = np.concatenate([run.samples for run in line_runs])[np.abs(force).argmin()]
     return Experiment(line.name, line.direction, where, unit, taxel, since(rest, line_runs), line.ordered, rest)

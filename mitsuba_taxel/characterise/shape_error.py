@@ -229,11 +229,11 @@ def _sizes(study: xr.Dataset) -> dict[str, tuple[xr.DataArray, xr.DataArray]]:
 
 
 def _by_derivatives(study: xr.Dataset, size: xr.DataArray) -> xr.DataArray:
-    """Factor, at least 1, of the errors of readings along a path, from the errors of derivatives with respect to the
-    forces.
+    """Factor, at least 1, by which the errors of readings along a load path are enlarged, because the errors of the
+    derivatives with respect to the forces show larger ones.
 
-    The sum of errors of derivatives along the path is another estimate of the same error. The larger estimate is used,
-    as in cells of thin roofs two meshes may agree in the readings alone.
+    The sum of the errors of derivatives along the path is another estimate of the same error. The larger estimate is
+    used: in cells with thin roofs, two meshes may agree in the readings alone.
     """
     factor = xr.DataArray(1.0)
     if "derivative_error" not in study:
@@ -298,8 +298,9 @@ def _with_change(study: xr.Dataset, change: xr.DataArray, along: Mapping[str, xr
 
 
 def _steps(values: xr.DataArray, dim: str) -> xr.DataArray:
-    """Differences from the previous point along a dimension; the first point, which has none, gets that of the
-    second."""
+    """Differences from the previous point along a dimension. The first point has no previous point; it gets the
+    difference of the second point.
+    """
     after = np.maximum(np.arange(values.sizes[dim]), 1)
     first, last = (values.isel({dim: points}).drop_vars(dim, errors="ignore") for points in (after - 1, after))
     return last - first
@@ -315,8 +316,9 @@ def _relative_loads(study: xr.Dataset) -> dict[str, xr.DataArray]:
 
 
 def _course(loads: Mapping[str, xr.DataArray], powers: list[str]) -> xr.DataArray:
-    """Functions phi_m of the module text: the courses of an error over the loads, at the relative loads of
-    :func:`_relative_loads`."""
+    """Functions phi_m of the module text, by which an error varies over the loads, at the relative loads of
+    :func:`_relative_loads`.
+    """
     course = xr.DataArray(1.0 if set(powers) <= set(loads) else 0.0)
     for name, load in loads.items():
         power = powers.count(name)

@@ -136,8 +136,9 @@ def _rows(study: xr.Dataset, circuit: Circuit, up_to: float) -> Iterator[dict[st
 
 
 def _figures(circuit: Circuit, power: Branch, slope: np.ndarray, error: np.ndarray) -> dict[str, np.ndarray]:
-    """Circuit figures (channels,) of a run, such as voltage at rest and noise. Its first step is that from the least
-    force towards the largest."""
+    """Figures (channels,) of a run behind a circuit, such as the voltage at rest and the noise. The first step of the
+    run goes from the least force towards the largest.
+    """
     order = np.argsort(power.force)
     force, light = power.force[order], np.maximum(power.value[order], 0.0)
     shown, noise = respond(circuit, light), total_noise(circuit, light)

@@ -40,7 +40,7 @@ STEPS = 100
 
 
 class Trial(NamedTuple):
-    """Evaluation of a tried point of the unit cube of the variables, to be compared with the last accepted point.
+    """Result of an evaluated point of the unit cube of the variables, for the comparison with the last accepted point.
 
     Attributes
     ----------
@@ -234,7 +234,9 @@ def _multipliers(
 
 
 def _even_curvature(here: Linearisation) -> np.ndarray:
-    """Isotropic initial curvature: with it, the best step is as long as the bounds are wide."""
+    """Initial curvature (V, V), equal in all directions. It is scaled such that the best step is as long as the range
+    between the bounds.
+    """
     return max(float(np.linalg.norm(here.goal_rates, axis=1).max()), TINY) * np.eye(here.goal_rates.shape[1])
 
 

@@ -217,7 +217,7 @@ class DesignEvaluator:
     def write_tables(self) -> None:
         """Write the readings of all designs to ``readings.nc`` and ``readings.csv`` of the study.
 
-        They are written once: a table that is written after each design takes longer with each of them.
+        This is done once, at the end: to write the table after each design would take longer with each design.
         """
         if self._study_so_far is not None:
             from mitsuba_taxel.studies.store.tables import write_readings
@@ -230,8 +230,8 @@ class DesignEvaluator:
         return self._folder if self._by else self._folder.with_name(f"{self._folder.name}_by_differences")
 
     def _shifted(self, design: Design) -> dict[tuple[int, int], Design]:
-        """Neighbours of a design for central differences, by pair: the index of a variable without derivative, and the
-        sign of its change.
+        """Neighbouring designs for central differences. The key of a neighbour is the index of the variable that
+        differs (a variable without derivative), and the sign of its change.
 
         A neighbour has the mesh of the design, moved. If the neighbour is refused, the design itself is used instead,
         for a one-sided difference.
@@ -288,7 +288,9 @@ class DesignEvaluator:
         return study, rows_of
 
     def _power(self, study: xr.Dataset, rows: list[int]) -> np.ndarray:
-        """Readings in W, largest strain, and clearance in mm, (loads, taxels + 2); the last two are NaN if unknown."""
+        """Readings in W, largest strain, and clearance in mm of each load, in one array (loads, taxels + 2). Strain and
+        clearance are NaN if unknown.
+        """
         power = study.smooth_power if self._by else study.replicate_power.mean("replicate")
         pad_columns = (
             [study.largest_strain, study.clearance] if self._by else OTHERS * [np.full(study.sizes[STEP], np.nan)]
@@ -298,9 +300,10 @@ class DesignEvaluator:
     def _rates(
         self, study: xr.Dataset, design: Design, rows: list[int], shifted: dict, power: dict[Design, np.ndarray]
     ) -> np.ndarray:
-        """Derivatives of :meth:`_power` by variables in the unit cube, (variables, loads, taxels + 2).
+        """Derivatives of the result of :meth:`_power` with respect to the variables in the unit cube, (variables,
+        loads, taxels + 2).
 
-        Derivatives are taken from the study, or are central differences to the neighbours ``shifted``.
+        Derivatives are taken from the study; otherwise they are central differences to the neighbours ``shifted``.
         """
         rates = np.zeros((len(self._names), *power[design].shape))
         for number, variable in enumerate(self._plan.variables):
@@ -395,8 +398,9 @@ class DesignEvaluator:
         )
 
     def _shape(self, design: Design) -> tuple[dict[str, np.ndarray], list[dict[str, np.ndarray]]]:
-        """Figures of the pads' dimensions, and their derivatives with respect to each variable in the unit cube, by
-        name; all are empty if no figure of the study is one of dimensions."""
+        """Dimensions of the pads (N,) by name, and the derivatives of these with respect to each variable in the unit
+        cube. Both are empty if no figure of merit of the study depends on dimensions.
+        """
         if not any(figure.kind in SHAPE for figure in self._plan.figures):
             none = {name: np.zeros(0) for name in SHAPE}
             return none, [none] * len(self._names)
@@ -412,7 +416,7 @@ class DesignEvaluator:
         return self._shape_of(design), rates
 
     def _shape_of(self, design: Design) -> dict[str, np.ndarray]:
-        """Figures of the dimensions of all pads of a design, (N,) by name."""
+        """Dimensions (N,) of all pads of a design that figures of merit need, by name."""
         pads = pads_of(self._plan.scene(design))
         return {name: np.concatenate([np.zeros(0), *map(of, pads)]) for name, of in SHAPE.items()}
 
@@ -425,7 +429,7 @@ def _derivative(study: xr.Dataset, name: str, rows: list[int]) -> np.ndarray:
 
 
 def _changed(design: Design, number: int, step: float) -> Design:
-    """Copy of a design with one variable slightly larger or smaller, within its bounds."""
+    """Copy of a design with one variable changed by a small step, within its bounds."""
     x = list(design.x)
     x[number] = min(max(x[number] + step, 0.0), 1.0)
     return replace(design, x=tuple(x))

@@ -122,8 +122,9 @@ def _magnitude(values: np.ndarray) -> np.ndarray:
 
 
 def _both_signs(values: np.ndarray) -> np.ndarray:
-    """Values together with their negatives. Their maximum is the largest magnitude, and each component is a smooth
-    function."""
+    """Append the negatives of the values. The maximum of the result is the largest magnitude, and each of its
+    components is a smooth function.
+    """
     return np.concatenate([values.ravel(), -values.ravel()])
 
 
@@ -206,9 +207,8 @@ def measuring_range(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def _ends(responses: DesignResponses, along: str) -> tuple[np.ndarray, np.ndarray]:
-    """Loads that end a measuring range: the magnitude at the first contact, and those at which each taxel saturates.
-
-    The first is empty if unknown, the second without a circuit.
+    """Loads at which a measuring range ends: the magnitude of the load at the first contact (empty if unknown), and
+    those of the loads at which each taxel saturates (empty without a circuit).
     """
     line, saturated = responses.lines[along], np.zeros(0)
     if responses.circuit is not None:
@@ -227,7 +227,8 @@ def first_contact(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def _used_up(missing: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Magnitude of the load (T,) at which each column of ``missing`` (K, T) falls to 0. ``values`` (K,) are the loads.
+    """Magnitude (T,) of the load at which each column of ``missing`` (K, T) falls to 0, by linear interpolation over
+    the loads ``values`` (K,).
     """
     # The first interval whose end is at or below 0, else the last interval.
     reached = missing.real[1:] <= 0
@@ -274,12 +275,16 @@ def largest_strain(responses: DesignResponses, along: str) -> np.ndarray:
 
 
 def least_wall(responses: DesignResponses) -> np.ndarray:
-    """Thicknesses of silicone in mm: between cells, around the outer cells, and above the cells."""
+    """Thicknesses of the silicone in mm between cells, around the outer cells, and above the cells; the least one
+    counts.
+    """
     return responses.shape["least_wall"]
 
 
 def draft_angle(responses: DesignResponses) -> np.ndarray:
-    """Draft angles in degrees, by which the walls of cells lean inwards from the vertical."""
+    """Angles in degrees by which the walls of cells lean inwards from the vertical, so that the pad can be removed from
+    its mould.
+    """
     return responses.shape["draft_angle"]
 
 
@@ -289,7 +294,9 @@ def least_radius(responses: DesignResponses) -> np.ndarray:
 
 
 def view_angle(responses: DesignResponses) -> np.ndarray:
-    """View angles in degrees: between a roof and rays to it from the middle of the cell's opening."""
+    """Angles in degrees between a roof and the rays to it from the middle of the cell's opening; below 0, the roof
+    hides a part of itself.
+    """
     return responses.shape["view_angle"]
 
 
@@ -363,7 +370,7 @@ class Figure:
 
 
 def end_of(figure: Figure, responses: DesignResponses) -> str:
-    """Describe what ends a measuring range or a load path: contact, an instability, or saturation."""
+    """Describe in words what ends a measuring range or a load path: contact, an instability, or saturation."""
     line = responses.lines[figure.parameters["along"]]
     with np.errstate(invalid="ignore"):
         contact, saturated = (loads.real for loads in _ends(responses, figure.parameters["along"]))

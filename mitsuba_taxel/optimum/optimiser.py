@@ -86,8 +86,8 @@ class Optimiser:
 
     @property
     def before(self) -> Design:
-        """The design to compare with: that of the original scene or, if its evaluation failed, the first evaluated
-        design.
+        """The design with which the best design is compared: that of the original scene or, if its evaluation failed,
+        the first evaluated design.
         """
         readable = [design for design in self.history if self._read[design] is not None]
         return next((design for design in readable if design == self.plan.before), readable[0])
@@ -176,10 +176,10 @@ class Optimiser:
         return JUMP_MOVED if first.family == second.family else JUMP
 
     def _beside(self, here: Design, x: np.ndarray) -> tuple[Design, Design]:
-        """The designs ``here`` and at the variables ``x``, on a common mesh if possible.
+        """Two designs on a common mesh, if possible: ``here``, and the design at the variables ``x``.
 
-        The mesh of ``here`` is moved to ``x``. If it has been moved already and cannot be moved again, ``here`` is
-        meshed anew and the new mesh is moved. If that fails, too, the design at ``x`` is meshed itself.
+        The mesh of ``here`` is moved to ``x``. If that mesh is itself a moved one and cannot be moved again, ``here``
+        is meshed anew, and the new mesh is moved. If that fails, too, the design at ``x`` gets its own mesh.
         """
         there = self.plan.design(here.choice, x.tolist())
         if self.plan.refusal(there) is None:
@@ -262,7 +262,7 @@ class Optimiser:
         ]
 
     def _number_of(self, design: Design) -> int:
-        """Number in the history of the design whose mesh was moved onto this design."""
+        """Number, in the history, of the design whose mesh was moved to the shape of this design."""
         return 1 + self.history.index(Design(design.choice, design.family))
 
     def rows(self) -> list[dict[str, Any]]:

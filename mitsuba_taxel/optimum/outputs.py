@@ -138,12 +138,12 @@ def as_markdown(table: pandas.DataFrame) -> str:
 
 
 def _shown_error(error: float, value: float) -> str:
-    """Text of an error with two digits; 0 if it is too small to be visible in the four digits of the figure."""
+    """Text of an error, with two digits; ``0`` if it is too small to change the four digits of the figure."""
     return "" if math.isnan(error) else "0" if error < NEGLIGIBLE * abs(value) else f"{error:.2g}"
 
 
 def shown(number: float) -> str:
-    """Text of a number with four digits; blank for NaN, as for a figure that a design does not have."""
+    """Text of a number, with four digits; blank for NaN, which stands for a figure that a design does not have."""
     return "" if math.isnan(number) else f"{number:.4g}"
 
 

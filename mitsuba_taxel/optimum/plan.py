@@ -179,10 +179,11 @@ class Plan:
 
     @property
     def to_contact(self) -> dict[str, dict[str, str]]:
-        """Scene parameters that load the pad until its first contact, for each line (series of loads) whose first
-        contact is needed.
+        """Parameters of the scene with which the first contact of the pad is computed, for each line of loads that
+        needs it.
 
-        They are those of the last load of the line; in addition, `TO_CONTACT` extends the load path until the contact.
+        They are the parameters of the last load of the line, and `TO_CONTACT`, which extends the load path until the
+        contact.
         """
         last_loads = {}
         for line in dict.fromkeys(figure.parameters["along"] for figure in self.figures if figure.kind in TO_THE_END):
@@ -194,14 +195,15 @@ class Plan:
 
     @property
     def before(self) -> Design:
-        """The design of the original scene. If a choice does not allow the scene's word, it has the first allowed word.
+        """The design of the original scene. Where a choice does not contain the word of the scene, the design has the
+        first word of the choice.
         """
         base = self.base
         choice = tuple(base[name] if base[name] in words else words[0] for name, words in self.choices.items())
         return Design(choice, tuple(variable.start_fraction for variable in self.variables))
 
     def has(self, choice: tuple[str, ...]) -> list[bool]:
-        """Whether each variable applies to a choice of words, as a tuple."""
+        """Whether each variable applies to a choice of words (a tuple with one word for each parameter)."""
         words = dict(zip(self.choices, choice, strict=True))
         return [all(words[name] in of for name, of in variable.only.items()) for variable in self.variables]
 
@@ -273,7 +275,7 @@ class Plan:
         return list(designs)
 
     def _refuse_words_without(self, designs: Sequence[Design]) -> None:
-        """Raise `InputError` for a word of a choice that no design has."""
+        """Raise `InputError` for a word of a choice for which there is no valid initial design."""
         for number, (name, words) in enumerate(self.choices.items()):
             for word in words:
                 if not any(design.choice[number] == word for design in designs):

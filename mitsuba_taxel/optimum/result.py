@@ -276,7 +276,7 @@ def _broken(optimiser: Optimiser, read: DesignEvaluation) -> str:
 
 
 def _gained(fine_descent: FineDescent | None) -> str:
-    """Text that ends a sentence: the gain of a descent on the finer mesh."""
+    """End of a sentence of a warning: how much a further descent on the finer mesh has gained."""
     if fine_descent is None:
         return "; more evaluations may improve the design, or readings are too inaccurate to show it"
     end = "then no step improves it further" if fine_descent.ended else "more evaluations may improve it"

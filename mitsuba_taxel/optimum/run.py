@@ -108,8 +108,9 @@ def optimise(
 
 
 def _in_view(plan: Plan, designs: list[Design]) -> Plan:
-    """Add a constraint to the plan that keeps roofs with a profile visible, as scenes require, unless the plan has such
-    a constraint."""
+    """Add a constraint to the plan that keeps all of a roof with a profile visible from the cell's opening, because
+    scenes require this. A plan with such a constraint is unchanged.
+    """
     has_limit = any(limit.figure.kind == "view_angle" for limit in plan.limits)
     if has_limit or not any(pad.profile for design in designs for pad in pads_of(plan.scene(design))):
         return plan

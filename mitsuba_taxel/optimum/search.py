@@ -45,7 +45,7 @@ class Linearisation:
 
     @property
     def worst(self) -> float:
-        """The largest goal."""
+        """The largest goal: the value that is minimised."""
         return float(self.goals.max())
 
     @property

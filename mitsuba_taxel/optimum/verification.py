@@ -71,7 +71,9 @@ class MeshVerification:
 
     @property
     def finer(self) -> list[DesignEvaluation]:
-        """The evaluation of the best design on the finer mesh; an empty list if it failed or the mesh is not finer."""
+        """List with the evaluation of the best design on the finer mesh; empty if the evaluation failed or the mesh is
+        not finer.
+        """
         return [self.reads["best_finer"]] if self.reads and self.is_finer else []
 
     def descend(self) -> FineDescent | None:

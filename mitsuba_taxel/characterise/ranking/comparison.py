@@ -85,9 +85,9 @@ class Comparison(NamedTuple):
 class _Variant(NamedTuple):
     """A variant of the sensor and its readings along the force.
 
-    ``where`` holds the parameters of the variant, ``changed`` the readings changed by each mode of the errors of the
-    shape, ``numbers`` what determines its random numbers (seed, points, replicates), and ``saturated`` the least
-    magnitude of force in N at which a taxel saturates.
+    ``where`` holds the parameters of the variant. ``changed`` holds the readings changed by each independent component
+    (mode) of the errors of the shape. ``numbers`` (seed, points, replicates) determines its random numbers.
+    ``saturated`` is the least magnitude of the force in N at which a taxel saturates.
     """
 
     where: dict[str, Any]

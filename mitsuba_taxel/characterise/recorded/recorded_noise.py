@@ -259,7 +259,9 @@ def _sums(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @kept(CHUNK)
 def _expected(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Expected values of the sums of `_sums` for ``count`` rows of noise with variance 1, for each of CORRELATIONS."""
+    """Expected values of the two sums of `_sums`, for ``count`` rows of noise with variance 1, for each correlation in
+    CORRELATIONS.
+    """
     lag = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
     projection = _without_line(np.eye(count))
     covariances = [projection @ rho**lag @ projection.T for rho in CORRELATIONS]
@@ -282,8 +284,9 @@ def _variance_of_mean(count: int, rho: float) -> float:
 
 
 def _local(squares: np.ndarray, degrees: np.ndarray, run_of: np.ndarray) -> np.ndarray:
-    """Variance of the noise at each point of a run, estimated from neighbouring points; from all points if the run has
-    too few rows."""
+    """Variance of the noise at each point of a run, estimated from neighbouring points, or from all points if the run
+    has too few rows.
+    """
     variance = np.empty(len(squares))
     for number in range(len(squares)):
         run_points = np.flatnonzero(run_of == run_of[number])

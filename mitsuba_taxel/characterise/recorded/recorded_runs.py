@@ -122,11 +122,13 @@ class _Curve:
         return np.gradient(value, self.node, axis=0, edge_order=2 if len(self.node) > 2 else 1)
 
     def branch(self, samples: np.ndarray, moving: tuple[bool, bool], noise: float) -> Branch:
-        """The curve as a branch, with samples (points, replicates, channels); ``noise`` sigma is that of the force in
-        N. Where the force moves at an end of the run, the curve is extended from the middle of its last range to the
-        end of the run. The force at the end is estimated by the mean over the last c rows. If the force changes by s
-        from row to row, this mean differs from the force at the end by c s / 2, and has the noise sigma / sqrt(c). The
-        sum of the squares of both is least for c^3 = 2 (sigma / s)^2.
+        """The curve of a run as a branch, with samples (points, replicates, channels). ``noise`` is the standard
+        deviation sigma of the force in N.
+
+        Where the force moves at an end of the run, the curve is extended from the middle of its last range to the end
+        of the run. The force at the end is estimated by the mean over the last c rows. If the force changes by s from
+        row to row, this mean differs from the force at the end by c s / 2, and has the noise sigma / sqrt(c). The sum
+        of the squares of both is least for c^3 = 2 (sigma / s)^2.
         """
         ends, samples = self.node.copy(), samples.copy()
         slope = self._slopes(samples)

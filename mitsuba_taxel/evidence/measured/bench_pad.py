@@ -160,7 +160,7 @@ def path(
 
     ``force`` is in N for a modulus of 1 MPa; forces are proportional to the modulus. ``change`` is the change of the
     power relative to rest. Errors, if requested, are total errors. The attribute ``end`` gives the reason if the load
-    path ends early; else it is empty.
+    path ends early; otherwise it is empty.
 
     Raises
     ------

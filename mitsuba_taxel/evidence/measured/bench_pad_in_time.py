@@ -45,9 +45,9 @@ def cycle(
     """Compute force and readings along a loading cycle of the measured duration, from rest to rest, as a dataset over
     ``row`` with the coordinate ``travel``.
 
-    The record begins at a travel of ``late`` mm. Without Prony terms, the pad is elastic, or has Mullins' effect with
-    the constants ``mullins``, the second relative to the modulus. The last row of the cycle, at travel 0, is not
-    computed, because the indenter leaves the pad there.
+    The record begins at a travel of ``late`` mm. The pad is viscoelastic with the terms ``prony``. Without terms it is
+    elastic, or has Mullins' effect with the constants ``mullins``, of which the second is relative to the modulus. The
+    last row of the cycle, at travel 0, is not computed, because the indenter leaves the pad there.
     """
     fraction = np.concatenate([np.arange(1, STEPS + 1), np.arange(STEPS - 1, 0, -1)]) / STEPS
     times = measured.CYCLE_SECONDS / 2 * np.arange(1, 2 * STEPS) / STEPS

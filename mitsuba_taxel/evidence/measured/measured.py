@@ -28,8 +28,11 @@ PRESSED = 13
 
 
 class MeasuredPress(NamedTuple):
-    """Record of a taxel that is pressed slowly: voltage at rest in V; force in N, change of the voltage relative to
-    rest, and travel of the indenter in mm."""
+    """Record of a taxel that is pressed slowly.
+
+    It has the voltage at rest in V, the force in N, the change of the voltage relative to rest, and the travel of the
+    indenter in mm.
+    """
 
     at_rest: float
     forces: tuple[float, ...]
@@ -72,8 +75,11 @@ HELD_MAP = (
 
 
 class HeldPress(NamedTuple):
-    """Record of a taxel that is held: travel of the indenter in mm, force in N, change of its own voltage relative to
-    rest, and the relative changes of all taxels in percent of this change, arranged as on the board."""
+    """Record of a taxel that is held under the indenter.
+
+    It has the travel of the indenter in mm, the force in N, the change of the taxel's voltage relative to rest, and the
+    changes of all taxels, relative to rest and in percent of that change, arranged as on the board.
+    """
 
     travel: float
     force: float

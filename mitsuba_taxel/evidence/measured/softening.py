@@ -1,10 +1,10 @@
-"""Mullins' effect in cells of the measured pad, to first order, fitted to the measured loops of taxel 13.
+"""Mullins' effect in cells of the measured pad, to first order, fitted to the measured hysteresis loops of taxel 13.
 
-The states of the first loading are those of the law. Let eta - 1 be the change of the stress on the way back. To first
-order in it, the energy of the pad at a given travel changes by the integral of eta - 1 over the energy density W, the
-force by the derivative of that energy with respect to the travel (the displacements are stationary), and the
-displacements by the linear response of the pad to the additional stress. So a single elastic load path gives the loops
-for all constants.
+During the first loading, the stress is that of the law. On unloading it is multiplied by eta. To first order in eta -
+1, the energy of the pad at a given travel changes by the integral of eta - 1 over the energy density W. The force
+changes by the derivative of that energy with respect to the travel, because the displacements are stationary. The
+displacements change by the linear response of the pad to the additional stress. So a single elastic load path gives the
+loops for all constants.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NOTHING = HysteresisLoop(0.0, 0.0, 0.0, 0.0)
 
 
 class SofteningFit(NamedTuple):
-    """Constants of Mullins' effect, and the widths of loops that they cause.
+    """Fitted constants of Mullins' effect, and the widths of the hysteresis loops that it causes.
 
     Attributes
     ----------
@@ -62,12 +62,13 @@ class SofteningFit(NamedTuple):
 def first_loading(
     store: PaperStudies, press: IndenterPress, late: float, taxel: int = measured.PRESSED
 ) -> xr.Dataset:
-    """Compute the first loading of a taxel, or read it from the store: one cell, or the four cells of the corner.
+    """Compute the first loading of a taxel, or read it from the store. The computed part of the pad is one cell, or the
+    four cells of the corner.
 
-    The dataset over ``travel`` has the ``force`` in N for a modulus of 1 MPa, the mean displacement of the ``roof`` in
-    mm, and over ``point``, the quadrature points, the ``energy`` density in MPa, their volume ``weight`` in mm³, and
-    the ``response`` in mm: the change of ``roof`` by an additional isochoric stress at a point that equals that of the
-    law.
+    The dataset over ``travel`` has the ``force`` in N for a modulus of 1 MPa, and the mean displacement of the ``roof``
+    in mm. Over ``point``, the quadrature points, it has the ``energy`` density in MPa, the volume ``weight`` in mm³,
+    and the ``response`` in mm: the change of ``roof`` by an additional isochoric stress at a point that equals the
+    stress of the law.
     """
     from mitsuba_taxel.mechanics import Indenter, IndenterDisplacement, NeoHookean
     from mitsuba_taxel.pads import Pad
@@ -96,7 +97,8 @@ def first_loading(
 def paper_loading(store: PaperStudies) -> xr.Dataset:
     """Compute the first loading of one parallelepiped cell of the paper, or read it from the store.
 
-    The dataset is that of :func:`first_loading`; ``force`` is the force on the top, and ``travel`` its share.
+    The dataset is like that of :func:`first_loading`. ``force`` is the force on the top, and ``travel`` is the force as
+    a fraction of the largest force.
     """
     from mitsuba_taxel.mechanics import NeoHookean, SpreadForce
     from mitsuba_taxel.pads import Pad
@@ -112,7 +114,7 @@ def paper_loading(store: PaperStudies) -> xr.Dataset:
 
 
 def _computed(pad: Pad, law: NeoHookean, load: Load, values: list[float], x: float) -> xr.Dataset:
-    """States of a first loading at values of the load along -z; the cell is at (x, x)."""
+    """Compute the states of a first loading, at values of the load along -z; the cell is at (x, x)."""
     from mitsuba_taxel.mechanics import linearise, load_path
     from mitsuba_taxel.mechanics.elements.elements import Elements
     from mitsuba_taxel.mechanics.materials.viscoelastic import tensors
@@ -157,10 +159,11 @@ def _computed(pad: Pad, law: NeoHookean, load: Load, values: list[float], x: flo
 
 
 def loop_of(study: xr.Dataset, constants: tuple[float, float, float], play: float = 0.0) -> HysteresisLoop:
-    """Widths of the loops of a first cycle in percent, to first order; signs as in :class:`SofteningFit`.
+    """Widths of the hysteresis loops of a first cycle in percent, to first order; their signs are explained at
+    :class:`SofteningFit`.
 
-    The displacement of the roof stands for the reading. On the way back, the pad is pressed by ``play`` mm less at
-    equal travel, because it slipped or the robot has play.
+    The displacement of the roof represents the reading. On unloading, the pad is pressed by ``play`` mm less at equal
+    travel, because it has slipped or the robot has play.
     """
     r, m, beta = constants
     energy, travel = study.energy.values, np.insert(study.travel.values, 0, 0.0)
@@ -198,8 +201,9 @@ def _largest(values: np.ndarray) -> float:
 def fit(
     study: xr.Dataset, beta: float | None = None, play: float = 0.0, others: HysteresisLoop = NOTHING
 ) -> SofteningFit:
-    """Fit the constants to the four measured widths by least squares; ``beta`` may be given, and widths of ``others``
-    causes, which are added."""
+    """Fit the constants of Mullins' effect to the four measured widths, by least squares. ``beta`` may be given. The
+    widths ``others`` by other causes are added to those of Mullins' effect.
+    """
     fixed = [] if beta is None else [beta]
 
     def constants(logs: np.ndarray) -> tuple[float, float, float]:
@@ -217,7 +221,9 @@ def fit(
 
 
 def hysteresis_under_force(study: xr.Dataset, constants: tuple[float, float, float]) -> float:
-    """Width in percent of the loop of the roof's displacement at equal force, from :func:`paper_loading`; m in MPa."""
+    """Width in percent of the hysteresis loop of the roof's displacement at equal force, from :func:`paper_loading`.
+    The constant m is in MPa.
+    """
     r, m, beta = constants
     largest = study.energy.values.max(axis=0)
     distance = (largest - study.energy.values) / (m + beta * largest)
@@ -226,8 +232,9 @@ def hysteresis_under_force(study: xr.Dataset, constants: tuple[float, float, flo
 
 
 def softened_tail(weights: np.ndarray, eta: float) -> np.ndarray:
-    """Strain of a linear viscoelastic solid after release, as `memory_fit.linear_tail`, whose long-term spring is
-    softened by the factor ``eta`` (Mullins' effect on the elastic stress alone)."""
+    """Strain of a linear viscoelastic solid after release, as from `memory_fit.linear_tail`, if Mullins' effect softens
+    its long-term spring by the factor ``eta``.
+    """
     # As in `linear_tail`; without stress, (eta (1 - G) + G) strain is the sum of all p, with the sum G of the weights.
     stiffness = eta * (1 - weights.sum()) + weights.sum()
     rates = -(np.eye(len(weights)) - weights[:, None] / stiffness) / np.array(TIMES)[:, None]
@@ -235,7 +242,7 @@ def softened_tail(weights: np.ndarray, eta: float) -> np.ndarray:
 
 
 class SoftenedCreep(NamedTuple):
-    """The record after release with a softened long-term spring.
+    """Prony weights fitted to the voltage after release, with a long-term spring that Mullins' effect has softened.
 
     Attributes
     ----------
@@ -253,7 +260,7 @@ class SoftenedCreep(NamedTuple):
 
 
 def creep(memory: PronyFit, eta: float) -> SoftenedCreep:
-    """Fit the Prony weights to the voltage after release again, with a long-term spring that is softened by ``eta``.
+    """Fit the Prony weights again to the voltage after release, with a long-term spring that is softened by ``eta``.
 
     The computed changes are those of :func:`softened_tail`, times the ratio of the changes computed by finite elements
     to those of a linear solid without softening.

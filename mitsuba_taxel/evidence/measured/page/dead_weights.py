@@ -16,8 +16,9 @@ _HEADS = ("weight [N]", "off the middle [mm]", "mean slope [mV/N]", "least to la
 
 
 def weights_section(study: xr.Dataset, own: Mapping[int, float]) -> str:
-    """The section of the page, from the states of :func:`weights`, and the measured sensitivity of pressed taxels
-    relative to the computed one, by their number."""
+    """The section of the page of measured sensors on dead weights, from the states of :func:`weights`. ``own`` is the
+    measured sensitivity of pressed taxels relative to the computed one, by their number.
+    """
     slope, error = (1e3 * values for values in slopes(study))
     largest = int(np.argmax(np.hypot(study.x, study.y).values))
 

@@ -18,10 +18,11 @@ CLEAR = 10.0
 """Computed change, in percent of that of the held taxel, from which ratios are averaged."""
 
 
-def maps_section(maps: Sequence[HeldMapComparison], own: Mapping[int, float]) -> str:
-    """The section of the page, from the maps of held taxels, and the sensitivities ``own`` of taxels that were pressed
-    themselves, relative to the computed ones."""
-    numbers = ", ".join(str(each.taxel) for each in maps)
+def maps_section(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> str:
+    """The section of the page of measured sensors on held taxels, from their maps, and the computed map (5, 5) while
+    the middle taxel is held.
+    """
+    numbers = " and ".join(str(each.taxel) for each in maps)
     return f"""\
 ### All taxels while taxels {numbers} are held
 Predicted with what taxel {measured.PRESSED} gave, except for the place of the indenter, which is not published and is
@@ -110,7 +111,9 @@ def _scatter(maps: Sequence[HeldMapComparison], own: Mapping[int, float]) -> str
 
 
 def _causes(maps: Sequence[HeldMapComparison]) -> str:
-    """Sentences about changes that are larger than computed around a whole press."""
+    """Sentences about possible causes of changes that are larger than computed in the whole neighbourhood of the
+    indenter.
+    """
     sentences = []
     for each in maps:
         ratios = each.ratio[each.placed >= CLEAR]

@@ -25,8 +25,9 @@ _WIDTHS = ("force", "energy", "voltage at equal force", "voltage at equal travel
 
 
 class LoopExplanation(NamedTuple):
-    """Causes of the hysteresis loops together: their name, the fit of Mullins' effect to taxel 13, and the predicted
-    widths of the loops of other taxels, by their number."""
+    """Causes that together may explain the hysteresis loops: their name, the fit of Mullins' effect to taxel 13, and
+    the predicted widths of the loops of other taxels, by their number.
+    """
 
     name: str
     fitted: SofteningFit
@@ -34,7 +35,7 @@ class LoopExplanation(NamedTuple):
 
     @property
     def miss(self) -> float:
-        """Largest difference from the measured widths of taxel 13, in percent."""
+        """Largest difference between the computed and the measured widths of taxel 13, in percent."""
         return float(np.abs(np.subtract(self.fitted.loop, softening.MEASURED)).max())
 
 
@@ -67,7 +68,9 @@ def explanations(studies: Mapping[int, xr.Dataset], memory: PronyFit) -> list[Lo
 
 
 def softening_section(studies: Mapping[int, xr.Dataset], paper_study: xr.Dataset, memory: PronyFit) -> str:
-    """The section of the page, from the first loadings of taxels by their number and of a cell of the paper."""
+    """The section of the page of measured sensors on Mullins' effect, from the first loadings of taxels, by their
+    number, and of a cell of the paper.
+    """
     found = explanations(studies, memory)
     rows = [["measured", "", "", "", *(f"{width:g}" for width in softening.MEASURED)]]
     for each in found:
