@@ -190,7 +190,8 @@ def _version(path: Path) -> int:
 
 
 def _asked_version(path: Path) -> int:
-    """Major version of LLVM that a library reports when it is loaded; 0 if it cannot be loaded, or is older than
-    version 16."""
+    """Major version of LLVM that a library states when a separate process loads it; 0 if it cannot be loaded, or is
+    older than version 16.
+    """
     asked = subprocess.run([sys.executable, "-I", "-S", "-c", _VERSION, str(path)], capture_output=True, text=True)
     return int(asked.stdout) if asked.returncode == 0 else 0

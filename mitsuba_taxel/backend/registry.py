@@ -175,8 +175,9 @@ def _register_plugins(variant: str) -> None:
 
 
 def _made(module: str) -> Callable[..., object]:
-    """Create the constructor of a plugin: it imports the plugin's module at first use. If the module is imported
-    already, it is reloaded now."""
+    """Create the constructor of a plugin. The constructor imports the module of the plugin at its first call. A module
+    that is imported already is reloaded at once.
+    """
     name = "".join(word.capitalize() for word in module.rpartition(".")[2].split("_"))
     if module in sys.modules:
         importlib.reload(sys.modules[module])

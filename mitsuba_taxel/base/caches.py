@@ -85,7 +85,7 @@ class Recent(Generic[_Result]):
         _CACHES[name] = self
 
     def of(self, arrays: tuple[np.ndarray, ...], make: Callable[[], _Result], *others: Hashable) -> _Result:
-        """The cached result, or a new result if there is none.
+        """The cached result for arrays and other arguments; if there is none, it is computed by ``make`` and cached.
 
         Parameters
         ----------

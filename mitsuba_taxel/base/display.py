@@ -1,5 +1,5 @@
-"""Display of objects in notebooks; the HTML is supplied by another package, which may import the package of the
-object."""
+"""Display of objects in notebooks. Another package supplies the HTML, because it imports the packages of the objects.
+"""
 
 from __future__ import annotations
 

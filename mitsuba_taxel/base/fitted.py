@@ -1,5 +1,6 @@
-"""Fits of objects to measurements; the fit is supplied by another package, which may import the package of the
-object."""
+"""Base of classes that can be fitted to measurements. Another package supplies the fit, because it imports the package
+of the class.
+"""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ PACKAGE = "mitsuba_taxel"
 
 @kept(None)
 def code_digest(*rooms: str) -> str:
-    """Digest of all files of the given sub-packages, including nested folders, and of the top-level modules.
+    """Digest of the source code of sub-packages, including nested folders, and of the top-level modules.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class Element:
 
 
 class Unreadable(Exception):
-    """A scene file is not XML, or not a scene; the exception carries the finding."""
+    """A scene file is not XML, or is no scene. The exception carries the finding with the reason."""
 
     def __init__(self, finding: Finding) -> None:
         super().__init__(finding.message)

@@ -126,8 +126,9 @@ def _board(pad: SceneObject, faces: list[Faces], objects: SceneObjects) -> Itera
 
 
 def _horizontal(matrix: np.ndarray, solid: bool) -> tuple[float, np.ndarray, np.ndarray] | None:
-    """Height of a horizontal rectangle, or of the top of a horizontal cube, with the lowest and highest (2,)
-    coordinates in x and y; None if it is tilted."""
+    """Position of a horizontal rectangle, or of the top of a horizontal cube: its height, and its lowest and highest
+    (2,) coordinates in x and y; None if it is tilted.
+    """
     axes, centre = matrix[:3, :3], matrix[:3, 3]
     normal = np.cross(axes[:, 0], axes[:, 1])
     if not np.hypot(*normal[:2]) <= 1e-3 * np.abs(normal[2]):
@@ -170,7 +171,7 @@ def _in_cells(body: Boxes, pads: list[SceneObject]) -> Iterator[Finding]:
 
 
 def _reach_into(corners: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Mask (N,): whether bodies with corners (N, 8, 3) overlap any of the boxes (K, 2, 3)."""
+    """Mask (N,): whether each of N bodies with the corners (N, 8, 3) overlaps one of the boxes (K, 2, 3)."""
     low, high = corners.min(axis=1)[:, None], corners.max(axis=1)[:, None]
     return np.any(np.all((low < boxes[:, 1]) & (high > boxes[:, 0]), axis=2), axis=1)
 

@@ -176,7 +176,9 @@ def _nothing_comes_back(objects: SceneObjects) -> Iterator[Finding]:
 
 
 def _cover(shape: SceneObject, region: str) -> Any:
-    """BSDF of a region of a shape, or of the whole shape for an empty name; None for the default BSDF of a pad."""
+    """BSDF of a region of a shape, or of the whole shape if the name of the region is empty. None if a pad has its
+    default BSDF there.
+    """
     covers = shape.nested("bsdf")
     if not covers:
         return None if shape.plugin == PAD else shape.instance.bsdf()

@@ -366,6 +366,8 @@ def _one_sentence(error: Exception, plugin: str) -> str:
 
 
 def _culprit(message: str, props: Any) -> str:
-    """Name of the property that an error message is about: its first or second word; empty if neither is a property."""
+    """Name of the property that an error message is about: the first or second word of the message. Empty if neither
+    word is a property.
+    """
     names = set(props.keys())
     return next((word for word in re.findall(r"\w+", message)[:2] if word in names), "")

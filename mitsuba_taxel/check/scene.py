@@ -106,7 +106,7 @@ def _parse(scene: Scene, path: Path, root: Element, findings: list[Finding]) -> 
 
 
 def _of_parser(message: str, path: Path) -> Finding:
-    """Convert the error message of Mitsuba's parser to a finding, at the file and line that the message names."""
+    """Convert an error message of Mitsuba's parser to a finding, at the file and line that it names."""
     text = re.sub(r"^\[[^\]]*\] ", "", " ".join(message.split()))
     match = re.search(r"(?:^|\s)\"?([^\s\"]*)\"? \(line (\d+), col \d+\): (.*)", text)
     if match is None:

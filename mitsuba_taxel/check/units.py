@@ -106,7 +106,7 @@ def _unusual_load(obj: SceneObject) -> Iterator[Finding]:
 
 
 def _without_earlier_load(obj: SceneObject) -> Iterator[Finding]:
-    """Note that Mullins' effect hardly changes a first loading."""
+    """Note that Mullins' effect hardly changes the first loading, so that a scene needs earlier loads (`history`)."""
     specification = obj.instance.specification
     if specification.build_mullins() and not specification.history.strip():
         message = (

@@ -118,8 +118,7 @@ class Circuit(Checked):
                 )
 
     def _grown(self, drift: float) -> float:
-        """Factor by which a quantity changes from 25 degrees C to `temperature`, for a given relative ``drift`` per K.
-        """
+        """Factor by which a quantity with a relative ``drift`` per K changes from 25 degrees C to `temperature`."""
         return 1 + drift * (self.temperature - ROOM_TEMPERATURE)
 
     @property
@@ -157,8 +156,8 @@ class Circuit(Checked):
     def limit(self) -> float:
         """Output in V above which the circuit counts as saturated.
 
-        It is the least of the converter's full scale, the supply, and the output at which the phototransistor passes
-        half of its photocurrent.
+        It is the smallest of three voltages: the converter's full scale, the supply, and the output at which the
+        phototransistor passes half of its photocurrent.
         """
         return min(self.full_scale, self.supply, self.buffer_gain * (self.supply - self.saturation_voltage))
 

@@ -43,7 +43,7 @@ class MeasuredData:
 
     @property
     def rows(self) -> int:
-        """Number of rows."""
+        """Number of rows of measurements."""
         return len(self.readings)
 
 

@@ -165,7 +165,7 @@ class ReadingModel:
         return replace(batch, bare=True)
 
     def _taxels(self, study: xr.Dataset, name: str) -> np.ndarray:
-        """Select the taxels with data from a variable of a study; the result has the shape (..., settings, taxels)."""
+        """Values of a variable of a study at the taxels that have data, (..., settings, taxels)."""
         missing = set(self._plan.data.taxels) - set(study.taxel.values)
         if missing:
             raise ComputationError(

@@ -56,11 +56,11 @@ class UnknownErrors(NamedTuple):
 
 
 def carried(error: ModelError) -> UnknownErrors:
-    """Propagate the errors of the model's readings to the fitted unknowns.
+    """Errors of the fitted unknowns due to the errors of the model's readings.
 
     The replicates of the light contain the covariance of its errors. For errors due to finite elements and surfaces,
-    the correlation between readings is unknown; the largest deviation for any correlation is returned, which is the sum
-    of the magnitudes of all contributions.
+    the correlation between readings is unknown. The largest deviation for any correlation is returned for them, which
+    is the sum of the magnitudes of all contributions.
 
     Parameters
     ----------

@@ -103,7 +103,7 @@ def _touch(pairs: np.ndarray, shared: str, tolerance: float) -> Place | None:
 
 
 def _doubtful(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """Select the pairs of patches that may touch: those that are not proved to be separate."""
+    """Select the pairs of patches that may touch: those for which a separating plane has not been found."""
     pairs = pairs[:, :, (pairs[3, :12] > 0).any(axis=0)]
     return pairs[:, :, ~_CERTIFICATES[shared](pairs[:3], tolerance)]
 
@@ -177,8 +177,8 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _plain(pairs: np.ndarray, shared: str, tolerance: float) -> np.ndarray:
-    """Whether pairs that are not proved to be separate count as touching: they do if both patches are flat, or as small
-    as a point.
+    """Mask of the pairs that count as touching because they need no further subdivision: both patches are flat, or as
+    small as a point.
 
     Flatness is absolute for patches that share nothing. For patches with a common vertex or edge it is relative to
     their size, as only angles matter.
@@ -211,10 +211,11 @@ def _first_to_cut(pairs: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _apart(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether two patches are separate: a plane divides their control points, with a gap of more than ``tolerance``.
+    """Whether the two patches of each pair are separate: a plane lies between their control points, with a gap of more
+    than ``tolerance``.
 
-    Coordinate axes are tried first, as they separate most pairs; then the normals of the separating axis theorem for
-    flat triangles, so that no flat pair is missed.
+    Coordinate axes are tried first as normals of the plane, as they separate most pairs; then the normals of the
+    separating axis theorem for flat triangles, so that no flat pair is missed.
     """
     low, high = (extreme(pairs[:, :12].reshape(3, 2, 6, -1), axis=2) for extreme in (np.min, np.max))
     separated = (np.maximum(low[:, 0] - high[:, 1], low[:, 1] - high[:, 0]) > tolerance).any(axis=0)
@@ -245,7 +246,9 @@ def _side_normals(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _apart_but_vertex(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether two patches touch only at their common vertex: a plane through it separates all other control points."""
+    """Whether the two patches of each pair touch only at their common vertex: a plane through it separates all other
+    control points.
+    """
     vertex = pairs[:, :1]
     first, second = pairs[:, 1:6] - vertex, pairs[:, 7:12] - vertex
     towards = [_unit(rays[:, :2].mean(axis=1)) for rays in (first, second)]
@@ -268,7 +271,9 @@ def _divides(normal: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.nd
 
 
 def _middle_plane(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Normal of a plane through the origin that separates two flat sectors, each between two rays (3, 2, n)."""
+    """Normal (3, n) of a plane through the origin that separates two flat sectors. Each sector lies between two rays
+    (3, 2, n).
+    """
     first, second = (np.stack([_unit(rays[:, k]) for k in range(2)], axis=1) for rays in (first, second))
     candidates = [_cross(first[:, i], second[:, j]) for i, j in product(range(2), repeat=2)]
     for rays in (first, second):
@@ -284,8 +289,8 @@ def _middle_plane(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def _apart_but_edge(pairs: np.ndarray, tolerance: float) -> np.ndarray:
-    """Whether two patches with a common edge touch nowhere else. This is certain if both patches together can be
-    projected one to one onto a plane.
+    """Whether the two patches of each pair, which have a common edge, touch nowhere else. This is certain if both
+    patches together can be projected one to one onto a plane.
 
     They are the image of a convex quadrilateral, cut by its diagonal, under a map f that is quadratic on both sides.
     With a projection P onto a plane, P f is one to one if its gradient has a positive definite symmetric part

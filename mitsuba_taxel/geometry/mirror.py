@@ -32,7 +32,7 @@ class Mirror:
         return self.normal[0] * points[..., 0] + self.normal[1] * points[..., 1]
 
     def image(self, vectors: np.ndarray) -> np.ndarray:
-        """Vectors or points (..., 3), reflected in the mirror plane."""
+        """Reflect vectors or points (..., 3) in the mirror plane."""
         image = np.array(vectors, dtype=float)
         if self.normal[0] and self.normal[1]:
             sign = -self.normal[0] * self.normal[1]

@@ -64,7 +64,7 @@ class Block(Checked, Displayed):
 
     @property
     def extent(self) -> tuple[float, float, float]:
-        """Outside dimensions along x, y and z, mm."""
+        """Outer dimensions of the block along x, y and z, in mm."""
         return self.width, self.depth, self.height
 
     @property

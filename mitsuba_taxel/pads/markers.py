@@ -52,7 +52,7 @@ class Markers(NamedTuple):
         return np.stack([x.ravel(), y.ravel()], axis=1)
 
     def map_on(self, block: Block) -> np.ndarray:
-        """Where a block has markers.
+        """Image of the top of a block that shows where its markers are.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class Markers(NamedTuple):
 
 
 def markers_of(words: str, block: Block) -> Markers | None:
-    """The markers that three numbers describe.
+    """Create markers from the three numbers of the parameter `markers`: distances along x and y, and radius.
 
     Parameters
     ----------

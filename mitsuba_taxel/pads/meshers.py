@@ -1,4 +1,6 @@
-"""The packages that mesh pads; each is needed for some pads only, and has no wheels for some machines."""
+"""The packages that mesh pads. Each of them is needed for some kinds of pads only, and cannot be installed on some
+machines.
+"""
 
 from __future__ import annotations
 

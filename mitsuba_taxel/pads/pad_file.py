@@ -238,7 +238,7 @@ def default_size_of(pad: PadFile) -> float:
 
 @contextmanager
 def _naming_file(pad: PadFile) -> Iterator[None]:
-    """Turn a `GeometryError` into an `InputError` that names the file."""
+    """Convert a `GeometryError` within the block to an `InputError` that names the file."""
     from mitsuba_taxel.geometry.geometry_error import GeometryError
 
     try:

@@ -58,7 +58,7 @@ def holds(pad: Pad, points: np.ndarray) -> np.ndarray:
 
 
 def room_needed(pad: Pad, corners: np.ndarray) -> str:
-    """Text that states the width of cells that a package needs at its position.
+    """Text for a message: the width that cells need so that a package at its position fits into one.
 
     Parameters
     ----------

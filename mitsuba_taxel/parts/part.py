@@ -26,7 +26,7 @@ _NUMBERS = {*_STAND_INS, "y", "window_x", "window_y", "die_depth", "exponent"}
 
 @dataclass(frozen=True)
 class Side(Checked):
-    """Die of an emitter or detector and the window above it, as seen from above; lengths are in mm.
+    """The die of an emitter or detector, and the window above it, seen from above; lengths are in mm.
 
     The origin is the centre of the body.
     """

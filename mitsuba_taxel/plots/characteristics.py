@@ -318,7 +318,7 @@ def _groups(experiments: Sequence[Experiment]) -> list[_Group]:
 
 
 def _of(group: _Group) -> str:
-    """Suffix for an axis label: the name of the channel that is drawn."""
+    """Suffix for the label of an axis: the name of the channel that the lines of a group show."""
     return f", {group.channel}" if group.channel else ""
 
 

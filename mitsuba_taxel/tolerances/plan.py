@@ -73,7 +73,7 @@ class TolerancePlan:
         return {name: [f"{value:.12g}" for value in column] for name, column in values.items()}
 
     def _columns(self) -> dict[str, np.ndarray]:
-        """Values (samples,) of each law, rounded as written."""
+        """Values (samples,) of each independent variable, rounded as in written scenes."""
         columns = (law.values(column) for law, column in zip(self.laws, self.shares.T, strict=True))
         rounded = [np.array([float(f"{value:.12g}") for value in column]) for column in columns]
         return {law.name: column for law, column in zip(self.laws, rounded, strict=True)}
@@ -139,10 +139,10 @@ def _shares(samples: Any, sampling: Any, parameters: int, seed: int) -> np.ndarr
 
 
 def _exact(exact: Any, samples: int) -> int:
-    """Check the number of exact samples, and return it. The exact samples are the first ones.
+    """Check the number of exact samples, and return it. The first samples of the study are the exact ones.
 
-    The first samples represent all: rows of a Latin hypercube are in random order, and the beginning of a scrambled
-    Sobol' sequence is such a sequence itself.
+    They represent all samples: rows of a Latin hypercube are in random order, and the beginning of a scrambled Sobol'
+    sequence is such a sequence itself.
     """
     if not (is_whole(exact) and FEWEST <= exact <= samples):
         raise InputError(

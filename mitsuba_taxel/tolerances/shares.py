@@ -249,9 +249,9 @@ class _LeastSquares:
         self.missed = np.divide(square, variance, out=np.zeros_like(variance), where=variance > 0)
 
     def redrawn(self) -> np.ndarray:
-        """Coefficients (resamples, terms, outputs) of repeated fits to outputs with resampled residuals.
+        """Coefficients (resamples, terms, outputs) of repeated fits to outputs with resampled residuals (bootstrap).
 
-        The residuals are those of leave-one-out predictions, which the fit has not reduced.
+        The residuals are those of leave-one-out predictions, because the fit makes its own residuals smaller.
         """
         count, outputs = self._left_out.shape
         drawn = np.random.default_rng(0).integers(count, size=(RESAMPLES, count))

@@ -268,7 +268,9 @@ def rank_laws(
 
 
 def _with_slacks(curves: list[StressCurve], noises: list[CurveNoise], with_slacks: Tests) -> list[CurveNoise]:
-    """Noise of curves, with an estimate of slack if it makes the simple laws much more likely."""
+    """Noise of test curves. It includes an estimate of the slack of each specimen if this makes the simple laws much
+    more likely.
+    """
     if not len(with_slacks.free):
         return noises
 
@@ -352,7 +354,9 @@ def _ranked(fits: list[LawFit]) -> list[LawFit]:
 
 
 def _spread_in_other_modes(fits: list[LawFit], mode: str, stretch: float) -> float:
-    """Largest relative difference of stress, in modes without tests, between laws as good as the best law."""
+    """Largest relative difference in stress between all laws that fit as well as the best one, in test modes for which
+    there is no test.
+    """
     good = [fit for fit in fits if not fit.refusal and fit.misfit < NEARLY * fits[0].misfit]
     at = np.array([stretch])
     others = [other for other in ("uniaxial", "planar", "equibiaxial") if other != mode]

@@ -201,7 +201,7 @@ def _largest_die(sheet: Datasheet, role: str) -> float:
 
 
 def _with(sheet: Datasheet, unknowns: list[PartUnknown], values: np.ndarray) -> Part:
-    """Copy of a part in which the unknowns have the given values."""
+    """Copy of a part in which the unknowns have given values."""
     pairs = zip(unknowns, values, strict=True)
     return sheet.with_numbers({entry: float(value) for unknown, value in pairs for entry in unknown.entries})
 

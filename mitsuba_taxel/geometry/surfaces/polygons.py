@@ -99,7 +99,7 @@ def _bridged(points: np.ndarray, outer: np.ndarray, holes: list[np.ndarray], str
 
 
 def _free(points: np.ndarray, loop: np.ndarray, holes: list[np.ndarray], first: int, second: int) -> bool:
-    """Whether the segment between the vertices ``first`` and ``second`` is free of edges, except at its ends."""
+    """Whether no edge crosses the segment between the vertices ``first`` and ``second``, except at its ends."""
     starts = np.concatenate([loop, *holes])
     ends = np.concatenate([np.roll(loop, -1), *(np.roll(hole, -1) for hole in holes)])
     a, b = points[first], points[second]
@@ -117,14 +117,15 @@ def _in_corner(points: np.ndarray, loop: np.ndarray, at: int, vertex: int) -> bo
 
 
 def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Twice the area of triangles with the corners a, b and c; positive if they are counter-clockwise."""
+    """Twice the signed area of triangles with the corners a, b and c; positive if they are counter-clockwise."""
     a, b, c = np.asarray(a), np.asarray(b), np.asarray(c)
     return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
 
 
 def _unless(strict: bool, makeshift: int) -> int:
-    """Return the provisional result ``makeshift`` for loops that allow no valid triangulation; raises `NotSimple` if
-    ``strict``."""
+    """Return ``makeshift``, a provisional result, for loops that allow no valid triangulation; raises `NotSimple` if
+    ``strict``.
+    """
     if strict:
         raise NotSimple
     return makeshift

@@ -184,6 +184,6 @@ def _edge_keys(triangles: np.ndarray, vertices: int) -> np.ndarray:
 
 
 def _repeated(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of rows, each repeated ``count`` times, and the index of each repetition."""
+    """Repeat row i ``count[i]`` times. Returns the numbers of the rows, and the index of each repetition, from 0."""
     rows = np.repeat(np.arange(len(count)), count)
     return rows, np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count)

@@ -180,8 +180,8 @@ def closest_on_segments(points: np.ndarray, start: np.ndarray, end: np.ndarray) 
 
 
 def near(points: np.ndarray, corners: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """All pairs of a point and a triangle, segment or other point whose bounding box is within ``reach`` of the first
-    point.
+    """All pairs of a point and another object (triangle, segment or point) whose bounding box is within ``reach`` of
+    the point.
 
     Parameters
     ----------

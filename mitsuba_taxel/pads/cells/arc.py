@@ -32,9 +32,7 @@ class Arc:
         return self.centre + self.radius * outwards, self.radius * along, -self.radius * outwards
 
     def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The points of the whole circle that are nearest to given points, in the form that :meth:`Meridian.nearest`
-        returns.
-        """
+        """Nearest points of the whole circle to given points, in the form of :meth:`Meridian.nearest`."""
         away = points - self.centre
         distance = np.linalg.norm(away, axis=1)
         along = np.stack([-away[:, 1], away[:, 0]], axis=1) / distance[:, None]

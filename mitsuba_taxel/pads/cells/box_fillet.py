@@ -12,8 +12,10 @@ from mitsuba_taxel.pads.cells.fillet import ARC_POINTS, LEAST, MOST, Fillet, ref
 
 @dataclass(frozen=True)
 class BoxFillet(Fillet):
-    """The rounded edges of a cuboid cell: those around the roof, and the upright ones. The cell is the Minkowski sum of
-    a smaller cuboid and a ball.
+    """The rounded edges of a cuboid cell: those around the roof, and the upright ones.
+
+    The rounded cell consists of all points within ``radius`` of a smaller cuboid (the Minkowski sum of this cuboid and
+    a ball).
 
     Attributes
     ----------

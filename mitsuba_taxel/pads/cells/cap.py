@@ -29,7 +29,7 @@ class Cap(RoundShaft):
 
     @property
     def centre(self) -> float:
-        """Height in mm of the centre of the cap's sphere; it may be negative."""
+        """Height in mm of the centre of the cap's sphere above the board. It is negative for a flat cap."""
         return self.top - self.roof_radius
 
     def roof_height(self, across: np.ndarray) -> np.ndarray:

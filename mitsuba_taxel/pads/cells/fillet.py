@@ -61,7 +61,7 @@ class Fillet(ABC):
 
     @abstractmethod
     def outline(self) -> np.ndarray:
-        """The meridian of the rounded cell, as :meth:`CellShape.outline` returns that of the sharp one."""
+        """The meridian of the rounded cell, in the form of :meth:`CellShape.outline` of the cell with sharp edges."""
 
     @abstractmethod
     def solid(self, x: float, y: float, below: float) -> Any:

@@ -126,8 +126,11 @@ class Meridian:
         return np.clip(u, 0.0, 1.0)
 
     def _newton(self, u: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        """Newton step of u towards the nearest points, the tangent, and the second derivative of half the squared
-        distance. The latter is bounded from below, so that the step always reduces the distance."""
+        """One step of Newton's method: changes the parameters u so that the points of the curve come nearer to given
+        points. Returns the step, and the tangent and the second derivative of half the squared distance.
+
+        The second derivative is bounded from below, so that the step always reduces the distance.
+        """
         position, tangent, second = self.at(u)
         distance = position - points
         squared_speed = (tangent**2).sum(axis=1)

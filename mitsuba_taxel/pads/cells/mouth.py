@@ -1,9 +1,10 @@
 """Rounded edges of cells' mouths, between the straight side and the bottom of the pad.
 
-The silicone there is the region that a ball of the fillet's radius can reach from within: the side ends tangentially
-at the board, and below the fillet there is air. The fillet belongs to the side.
+A ball of the fillet's radius reaches all silicone at the edge from within the silicone. The side therefore ends
+tangentially at the board, and below the fillet there is air. The fillet belongs to the side.
 
-Points are described by their distance d from the side of the sharp cell, outwards and horizontal, and their height z.
+Points are described by two coordinates: the horizontal distance d outwards from the side of the cell with sharp edges,
+and the height z.
 """
 
 from __future__ import annotations

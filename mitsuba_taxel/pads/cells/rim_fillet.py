@@ -98,8 +98,8 @@ class RimFillet(Fillet):
         return sharp
 
     def slid(self, points: np.ndarray, origin: RimFillet) -> np.ndarray:
-        """Move points along the roof of the sharp-edged cell by as much as the border of the fillet moves when its
-        radius changes.
+        """Move points along the roof of the sharp-edged cell. They move as far as the border of the fillet moves when
+        the radius of the fillet changes.
 
         Parameters
         ----------

@@ -79,7 +79,7 @@ class Shaft(CellShape):
 
     @abstractmethod
     def shaft(self, x: float, y: float, below: float) -> Any:
-        """The cell up to the height of its side, as a solid.
+        """Solid of the lower part of the cell, up to the height of its side.
 
         Parameters
         ----------

@@ -148,8 +148,8 @@ class SingularEdges:
 
 
 class LocalSizes:
-    """Function that returns the target length of mesh edges in mm at a point, for elements of about ``mesh_size`` /
-    ``refinement`` mm.
+    """Function of a point that returns the target length of mesh edges there in mm, for elements of about ``mesh_size``
+    / ``refinement`` mm.
     """
 
     def __init__(

@@ -115,7 +115,7 @@ def tagged(
 
 
 def _standing(surface: FacedSurface, rules: Sequence[Rule]) -> list[str]:
-    """Values of the parameter ``up`` with which the surface in a file would be accepted as a pad."""
+    """Values of the parameter ``up`` with which the surface of a file would be a valid pad, for an error message."""
     directions = []
     for up in DIRECTIONS:
         if up != AS_DRAWN:
@@ -180,7 +180,9 @@ def _smooth_patches(surface: FacedSurface, pairs: np.ndarray) -> np.ndarray:
 
 
 def _looks_down(surface: FacedSurface, group: np.ndarray) -> np.ndarray:
-    """Mask (T,) of the triangles whose group (T,) faces down with enough of its area, as the middle of a dome does."""
+    """Mask (T,) of the triangles whose group faces down: enough of the group's area does, as in the middle of a dome.
+    ``group`` (T,) is the number of the group of each triangle.
+    """
     vector = area_normals(surface.vertices, surface.triangles)
     area = np.linalg.norm(vector, axis=1)
     area_facing_down = vector[:, 2] < -math.cos(math.radians(ROOF_ANGLE)) * area

@@ -111,8 +111,9 @@ def round_walls(mesh: VolumeMesh) -> list[tuple[int, int, tuple[np.ndarray, floa
 
 
 def _round(nodes: np.ndarray, axes: int) -> tuple[np.ndarray, float] | None:
-    """Centre and radius of the sphere (``axes`` = 3) or upright cylinder (``axes`` = 2) through all nodes (N, 3); None
-    if there is none."""
+    """Centre and radius of a sphere (``axes`` = 3) or an upright cylinder (``axes`` = 2) that passes through all nodes
+    (N, 3); None if there is none.
+    """
     centre, radius = _fitted(nodes[:, :axes])
     if radius > FLATTEST * np.linalg.norm(np.ptp(nodes[:, :axes], axis=0)):
         return None

@@ -259,5 +259,7 @@ def _read(raw: dict[str, np.ndarray], survey: Survey) -> tuple[VolumeMesh, np.nd
 
 
 def _by_corners(triangles: np.ndarray) -> np.ndarray:
-    """Order (T,) that sorts triangles by their corner numbers, whichever corner comes first in a triangle."""
+    """Order (T,) in which triangles are sorted by their corner numbers. The order does not depend on the corner that
+    comes first in a triangle.
+    """
     return np.lexsort(np.sort(triangles, axis=1).T)

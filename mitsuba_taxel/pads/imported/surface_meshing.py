@@ -223,8 +223,9 @@ def _meshed(surface_part: SurfacePart, edges: SingularEdges, mesh_size: float, r
 
 
 def _sorted(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sort triangles by their corner numbers, whichever corner comes first in a triangle. Returns the sorted triangles
-    and the order."""
+    """Sort triangles by their corner numbers; returns the sorted triangles and the order. The order does not depend on
+    the corner that comes first in a triangle.
+    """
     corners = np.sort(triangles, axis=1)
     order = np.lexsort(corners.T)
     return corners[order], order

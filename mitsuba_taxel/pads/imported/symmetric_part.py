@@ -92,7 +92,7 @@ def _is_invariant(
 
 
 def planes_of(mirrors: Sequence[Mirror]) -> tuple[Mirror, ...]:
-    """Those mirrors of a symmetry group whose planes bound the symmetric part of a pad."""
+    """Mirrors of a symmetry group whose planes bound the symmetric part of a pad."""
     return (ACROSS_Y, ACROSS_DIAGONAL) if len(mirrors) == len(MIRRORS) else tuple(mirrors)
 
 

@@ -52,11 +52,13 @@ def carried(origin: DrawnPad, pad: DrawnPad, before: np.ndarray, after: np.ndarr
 
 
 def _fading(distance: np.ndarray, width: float, end: float) -> np.ndarray:
-    """Weights (N,) of points by their distance: 1 up to ``width``, falling to 0 at ``end``."""
+    """Weights (N,) of points, from their distances (N,): 1 up to the distance ``width``, then falling to 0 at ``end``.
+    """
     return np.clip((end - distance) / (end - width), 0.0, 1.0)
 
 
 def _scaled(distance: np.ndarray, old: float, new: float) -> np.ndarray:
-    """Distances (N,) from an edge after its zone has changed from the ``old`` to the ``new`` width: scaled inside the
-    zone, shifted beyond it."""
+    """Distances (N,) from an edge after its zone has changed from the width ``old`` to ``new``: points in the zone are
+    scaled, points beyond it are shifted.
+    """
     return np.where(distance <= old, distance * (new / old), distance + new - old)

@@ -234,7 +234,9 @@ def _with_wide_or_sharp_edges(pad: DrawnPad, mesh_size: float, refinement: float
 
 
 def _narrowed(mesh: VolumeMesh, wide: DrawnPad, pad: DrawnPad) -> np.ndarray:
-    """Nodes (N, 3) of a mesh after its fillets are narrowed from those of the pad ``wide`` to those of ``pad``."""
+    """Nodes (N, 3) of a mesh after its fillets have been narrowed, from the radius in the pad ``wide`` to the radius in
+    ``pad``.
+    """
     sharp = sharp_nodes(wide, mesh, mesh.points)
     points = sharp + wide.shape.shifts(pad.shape, sharp, lambda function: function(pad.shape) - function(wide.shape))
     points = carried(wide, pad, sharp, points)
@@ -255,8 +257,9 @@ def _generated(
     cell: Callable[[float, float], Any] | None = None,
     fillet_size: float = math.inf,
 ) -> VolumeMesh:
-    """Netgen's mesh of the symmetric part, with other ``cell`` solids if given, and elements of at most
-    ``fillet_size`` mm on fillets."""
+    """Mesh of the symmetric part of a pad by Netgen. ``cell`` may replace the solids of the cells; elements on fillets
+    have at most ``fillet_size`` mm.
+    """
     require_netgen("meshing a pad")
     with MESHING_LOCK:
         from netgen.meshing import MeshingParameters, NgException, SetMessageImportance
@@ -329,8 +332,9 @@ def _local_sizes(pad: DrawnPad, mesh_size: float) -> tuple[float, float]:
 
 
 def _slender_wall(pad: DrawnPad) -> tuple[float, float]:
-    """Thickness of the thinnest wall in mm, and the largest size in mm of elements along it, infinite unless the wall
-    is slender."""
+    """Thickness of the thinnest wall in mm, and the largest element size in mm along it. The size is infinite unless
+    the wall is slender.
+    """
     wall = pad.thinnest_wall
     if pad.rows * pad.columns > 1:
         wall = min(wall, pad.pitch - pad.cell_size)

@@ -95,7 +95,7 @@ def _check_elements(mesh: VolumeMesh, morphed: VolumeMesh) -> None:
 
 
 def stretches(mesh: VolumeMesh, morphed: VolumeMesh) -> np.ndarray:
-    """How much each element is distorted between two meshes: the ratio of its largest to its least stretch.
+    """Distortion of each element between two meshes: the ratio of its largest stretch to its smallest.
 
     Parameters
     ----------

@@ -15,7 +15,10 @@ ROUND_OUTSIDE = "outer_edge"
 
 @dataclass(frozen=True)
 class Outside:
-    """The outside of a block with rounded edges: the surface of the sum of a smaller block and a ball.
+    """The outer surface of a pad with rounded edges.
+
+    The rounded block consists of all points within ``radius`` of a smaller block (the Minkowski sum of this block and a
+    ball).
 
     Attributes
     ----------

@@ -177,8 +177,9 @@ def _displacement(
     mouths: Callable[[Mouth, np.ndarray], np.ndarray],
     sides: Callable[[Outside, np.ndarray], np.ndarray],
 ) -> np.ndarray:
-    """Displacements (N, 3) of the nodes: by projections for nodes on walls at rims, on fillets of mouths and on the
-    outside; by the mean of the ends for midpoints of edges inside; 0 for others."""
+    """Displacements (N, 3) of the nodes when edges are rounded. Nodes on walls at rims, on fillets of mouths and on the
+    outside are projected; midpoints of edges inside move by the mean of the ends; other nodes do not move.
+    """
     displacement, moved = np.zeros_like(points), np.zeros(len(points), dtype=bool)
     in_mouth = on_mouths(mesh, pad, points)
     if isinstance(pad.edges, RimFillet):

@@ -171,12 +171,12 @@ def _words(step: xr.DataArray, along: list[str]) -> str:
 
 
 def _word(value: str | float) -> str:
-    """Text of a value as it is written in scenes: whole numbers have no decimal point."""
+    """Text of a value, in the form that scenes have: whole numbers without a decimal point."""
     return value if isinstance(value, str) else f"{value:.15g}"
 
 
 def _size(step: xr.DataArray, along: list[str]) -> float:
-    """Magnitude of the load of a step, by which the least load of a curve is found."""
+    """Magnitude of the load of a step, with which the step of least load of a curve is found."""
     return sum(abs(step[name].item()) for name in along if not isinstance(step[name].item(), str))
 
 

@@ -159,7 +159,7 @@ def labelled(pixels: np.ndarray, words: str, position: tuple[int, int] | None = 
 
 
 def _letter(pixels: np.ndarray) -> int:
-    """Height of letters in pixels, for a picture of this size."""
+    """Height in pixels of the letters in a picture, which depends on the size of the picture."""
     return max(len(pixels) // 24, 9)
 
 
