@@ -18,8 +18,8 @@ def command(folder: Path, output: Path, as_json: bool) -> None:
     """Write the results in DIR as one web page.
 
     The page of a study has plots, tables, errors and times, and an interactive view of the deformed pad. The page of a
-    result of `taxel tolerance`, `fit`, `optimise`, `compare`, `dataset`, `export` or `calibrate` has its verdict, plots
-    and tables.
+    study of images has the images, a film, forces, errors and times. The page of a result of `taxel tolerance`, `fit`,
+    `optimise`, `compare`, `dataset`, `export` or `calibrate` has its verdict, plots and tables.
 
     The page is a single file that needs no network and no server.
     """

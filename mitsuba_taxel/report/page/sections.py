@@ -37,26 +37,28 @@ def about(study: xr.Dataset, title: str, key: str) -> str:
     """Section of the page with the scene, its parameters, settings and versions."""
     readings = int(study.power.notnull().sum())
     varied = [
-        f"{name}: {_span(study[name].values, study[name].attrs.get('units', ''))}"
+        f"{name}: {span(study[name].values, study[name].attrs.get('units', ''))}"
         for name in study.coords
         if study[name].dims and study[name].dims[0] not in ("taxel", "stage", "replicate") and name != "step"
     ]
     lines = [
-        f"Scene {study.attrs['scene']}; {_count(study.sizes['taxel'], 'taxel')}; {_count(readings, 'reading')}.",
+        f"Scene {study.attrs['scene']}; {count(study.sizes['taxel'], 'taxel')}; {count(readings, 'reading')}.",
         f"Varied: {'; '.join(varied)}.",
         f"Each reading: {light_of_study(study)}, seed {study.attrs['seed']}.",
         *study.attrs["notes"].splitlines(),
     ]
     failures = study.attrs["failures"].splitlines()
     failed = f'<div class="failed">{paragraph("Failed:")}{bullets(failures)}</div>' if failures else ""
-    return section(f"about{key}", title, bullets(lines), failed, *_provenance(study))
+    return section(f"about{key}", title, bullets(lines), failed, *provenance(study))
 
 
-def _count(number: int, what: str) -> str:
+def count(number: int, what: str) -> str:
+    """A number of things in words, such as "2 taxels"."""
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def _span(values: np.ndarray, unit: str) -> str:
+def span(values: np.ndarray, unit: str) -> str:
+    """Values of a varied parameter in words: number, first and last one."""
     if values.dtype.kind not in "fi":
         return ", ".join(map(str, dict.fromkeys(values)))
     if len(values) == 1:
@@ -64,7 +66,8 @@ def _span(values: np.ndarray, unit: str) -> str:
     return " ".join(f"{len(values)} values from {values[0]:.6g} to {values[-1]:.6g} {unit}".split())
 
 
-def _provenance(study: xr.Dataset) -> list[str]:
+def provenance(study: xr.Dataset) -> list[str]:
+    """HTML of tables, shown when clicked, of the parameters that were not varied and of versions."""
     tables = {"Parameters that were not varied": "parameters", "Versions": "versions"}
     read: dict[str, Mapping[str, str]] = {title: json.loads(study.attrs[name]) for title, name in tables.items()}
     return [folded(title, table(title, ("name", "value"), list(rows.items()))) for title, rows in read.items() if rows]
@@ -108,26 +111,28 @@ def _readings(study: xr.Dataset) -> str:
     scales = [prefixed(float(frame[name].abs().max()), unit) for name, _, unit in shown]
     rows = [
         [
-            *(_word(record[name]) for name in keys),
+            *(word(record[name]) for name in keys),
             *(
                 with_error(record[name] / factor, record[error] / factor)
                 for (name, error, _), (factor, _) in zip(shown, scales, strict=True)
             ),
-            *(_word(record[name]) + (" saturated" if record["saturated"] == 1 else "") for name in counts),
+            *(word(record[name]) + (" saturated" if record["saturated"] == 1 else "") for name in counts),
         ]
         for record in frame.head(MOST_ROWS).to_dict("records")
     ]
     headings = [name + unit for name, unit in zip(keys, units, strict=True)]
     headings += [f"{name} [{unit}]" for (name, *_), (_, unit) in zip(shown, scales, strict=True)]
-    omitted = _left_out(len(frame), "readings.csv holds")
+    omitted = left_out(len(frame), "readings.csv holds")
     return table(f"Readings with their total error{omitted}", [*headings, *counts], rows)
 
 
-def _left_out(rows: int, elsewhere: str) -> str:
+def left_out(rows: int, elsewhere: str) -> str:
+    """Words for the rows that a table omits; empty text if it has all."""
     return f" (the first {MOST_ROWS} of {rows}: {elsewhere} all)" if rows > MOST_ROWS else ""
 
 
-def _word(value: object) -> str:
+def word(value: object) -> str:
+    """A value of a table as text."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
@@ -147,7 +152,7 @@ def merit(study: xr.Dataset, key: str) -> str:
     blocks = []
     for title, (headings, rows) in merit_tables(figures, volts).items():
         if rows:
-            omitted = _left_out(len(rows), "taxel characterise lists")
+            omitted = left_out(len(rows), "taxel characterise lists")
             blocks.append(table(f"{title}{omitted}", headings, rows[:MOST_ROWS]))
     blocks += [paragraph(line, "quiet") for line in (*remarks_explained(figures, pairs), *limits)]
     words = "Change of readings against force, and its slope below, also relative to rest; the tables have the numbers."

@@ -18,11 +18,13 @@ from mitsuba_taxel.backend import in_turn
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.report.page import sections
+from mitsuba_taxel.report.page.images import image_sections
 from mitsuba_taxel.report.page.markup import paragraph
 from mitsuba_taxel.report.page.outcome import outcome_sections
 from mitsuba_taxel.report.page.panels import MOST_PANELS, viewer_panels
 from mitsuba_taxel.studies import open_study
 from mitsuba_taxel.studies.plan.batch import WRITTEN_KEYS, Batch, batch_from
+from mitsuba_taxel.studies.store.image_folder import is_image_study
 from mitsuba_taxel.studies.store.opening import read_results
 from mitsuba_taxel.studies.store.provenance import provenance
 
@@ -36,8 +38,8 @@ def write_report(
     Parameters
     ----------
     folder : Path
-        Folder of a study of one or several scenes, or output of `taxel tolerance`, `fit`, `optimise`, `compare`,
-        `dataset`, `export` or `calibrate`.
+        Folder of a study of one or several scenes, of a study of images, or output of `taxel tolerance`, `fit`,
+        `optimise`, `compare`, `dataset`, `export` or `calibrate`.
     file : Path
         File that ends in ``.html``; replaced when the page is complete.
     progress : Callable[[int, int], None]
@@ -53,20 +55,17 @@ def write_report(
     InputError
         if the folder contains no results.
     """
-    outcome = outcome_sections(folder)
-    scenes: dict[str, Any] = {}
-    try:
-        study = open_study(folder)
-        scenes = {"": study}
-        if isinstance(study, xr.DataTree):
-            scenes = {name: child.to_dataset() for name, child in study.children.items()}
-    except InputError:
-        if not outcome:
-            raise
     left_out: list[str] = []
-    panels = _panels(scenes, folder, left_out, progress)
-    blocks = [_missing(scenes), *outcome, _viewer(panels)]
-    blocks += [*(block for name, child in scenes.items() for block in _sections(name, child))]
+    panels: list[dict[str, Any]] = []
+    if is_image_study(folder):
+        blocks = image_sections(folder)
+    else:
+        outcome, scenes = outcome_sections(folder), _scenes(folder)
+        if not (outcome or scenes):
+            open_study(folder)  # raises
+        panels = _panels(scenes, folder, left_out, progress)
+        blocks = [_missing(scenes), *outcome, _viewer(panels)]
+        blocks += [*(block for name, child in scenes.items() for block in _sections(name, child))]
     remarks = [paragraph(f"Left out: {line}", "quiet") for line in left_out]
     title, body = folder.resolve().name, "\n".join([*blocks, *remarks])
     page = Template(_asset("page.html")).substitute(
@@ -79,6 +78,17 @@ def write_report(
     )
     write_text(file, page)
     return left_out
+
+
+def _scenes(folder: Path) -> dict[str, xr.Dataset]:
+    """Readings of a study by the names of its scenes; empty if the folder contains no study of readings."""
+    try:
+        study = open_study(folder)
+    except InputError:
+        return {}
+    if isinstance(study, xr.DataTree):
+        return {name: child.to_dataset() for name, child in study.children.items()}
+    return {"": study}
 
 
 def _missing(scenes: dict[str, xr.Dataset]) -> str:

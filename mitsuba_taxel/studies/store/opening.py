@@ -48,8 +48,8 @@ def open_study(folder: str | Path) -> xr.Dataset | xr.DataTree:
 
     if (folder / IMAGES).is_dir():
         raise InputError(
-            f"study {folder} holds images of a camera, not readings: their table is images.csv, and `taxel dataset` "
-            "packs them."
+            f"study {folder} holds images of a camera, not readings: their table is images.csv, `taxel report` "
+            "shows them, and `taxel dataset` packs them."
         )
 
     # Several scenes: a tree of the studies that have results.
