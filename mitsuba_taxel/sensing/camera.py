@@ -206,7 +206,7 @@ def camera_image(
     if inside.any() and not np.any(images != 0, axis=0)[inside].any():
         raise InputError(
             f"no light reaches the coat, of {count * REPLICATES} paths from each pixel: turn a light towards the coat, "
-            "and give the regions outer and bottom, where light enters, the BSDF null."
+            "and give the regions side and window, where light enters, the BSDF null."
         )
     changes: dict[str, Any] = {}
     if difference:

@@ -220,12 +220,12 @@ def _view(scene: mi.Scene, camera: mi.Sensor) -> View:
     if not on_coat.any():
         raise InputError(
             "the camera does not see the coat (the top of the pad, from inside): place the camera below the pad, and "
-            "give the window (region bottom) the BSDF null."
+            "give the region window the BSDF null."
         )
     _, weight = hit.bsdf().sample(mi.BSDFContext(), hit, 0.5, mi.Point2f(0.5, 0.5), mi.Mask(on_coat))
     if not (np.array(dr.max(weight)) * on_coat > 0).any():
         raise InputError(
-            "the coat reflects nothing to the inside: the BSDF of region top must reflect there, as twosided does."
+            "the coat reflects nothing to the inside: the BSDF of region coat must reflect there, as twosided does."
         )
     return View(
         camera,

@@ -20,10 +20,12 @@ class Region(Specification):
     plugin = "region"
 
     roof: Wall | None = _wall("the roofs of the pad's cells")
-    side: Wall | None = _wall("the sides of the pad's cells")
+    side: Wall | None = _wall("the sides of the pad's cells or, beside coat or window, of a pad without cells")
     bottom: Wall | None = _wall("the bottom of the pad")
     top: Wall | None = _wall("the top of the pad")
     outer: Wall | None = _wall("the outside of the pad")
+    coat: Wall | None = _wall("the top of a pad without cells, which a camera sees from inside")
+    window: Wall | None = _wall("the bottom of a pad without cells, glued to a clear plate")
     body: Wall | None = _wall("the package of a photo-reflector")
     led: Wall | None = _wall("the face of the LED in a photo-reflector")
     phototransistor: Wall | None = _wall("the face of the phototransistor in a photo-reflector")

@@ -6,7 +6,7 @@ import drjit as dr
 import mitsuba as mi
 
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS
+from mitsuba_taxel.kernels.surfaces.regions import ALL_REGIONS, COAT_REGIONS
 from mitsuba_taxel.specification.region import Region as Parameters
 
 
@@ -20,7 +20,8 @@ class Region(mi.BSDF):
     This BSDF selects one of its nested BSDFs by the face attribute :monosp:`face_region` of the mesh. The codes are
     roof = 1, side = 2, bottom = 3, top = 4, outer = 5, body = 6, led = 7, phototransistor = 8. A `deformable_pad`, the
     PLY files written from it and a `photo_reflector` have that attribute. Regions without a BSDF and other codes
-    absorb.
+    absorb. The regions of a pad without cells have names of their own: coat is the top, window the bottom, and side the
+    outer faces. These names and the others exclude each other, except that side alone is that of cells.
 
     .. tabs::
         .. code-tab:: xml
@@ -38,12 +39,18 @@ class Region(mi.BSDF):
     def __init__(self, props: mi.Properties) -> None:
         super().__init__(props)
         self.walls = {}
-        for name, value in props.objects():
-            if name not in ALL_REGIONS:
-                raise InputError(f"region: {name!r} is not a region: allowed are {', '.join(ALL_REGIONS)}.")
+        nested = dict(props.objects())
+        known = {name: name for name in ALL_REGIONS}
+        if "coat" in nested or "window" in nested:
+            known = COAT_REGIONS
+        for name, value in nested.items():
+            if name not in known:
+                others = "" if known is COAT_REGIONS else ", or coat, window and side for a pad without cells"
+                beside = " beside coat or window" if name in ALL_REGIONS else ""
+                raise InputError(f"region: {name!r} is not a region{beside}: allowed are {', '.join(known)}{others}.")
             if not isinstance(value, mi.BSDF):
                 raise InputError(f"region: {name} is not allowed: a nested BSDF is needed.")
-            self.walls[name] = value
+            self.walls[known[name]] = value
         if not self.walls:
             raise InputError(f"region: it has no BSDF: at least one of {', '.join(ALL_REGIONS)} is needed.")
         self.specification = Parameters.read(props)

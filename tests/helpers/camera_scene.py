@@ -28,7 +28,8 @@ def scene(*lights, origin=(0, 0, HEIGHT - DISTANCE), target=(0, 0, 0), pixels=PI
     """A block below lights and above a camera; ``load`` has properties of the pad, others are parts of the scene."""
     bottom, top = others.pop("bottom", CLEAR), others.pop("top", COAT)
     pad = {"type": "deformable_pad", "cell": "none", "width": WIDTH, "depth": DEPTH, "height": HEIGHT} | (load or {})
-    pad["bsdf"] = {"type": "region", "top": top, "bottom": bottom, "outer": others.pop("outer", CLEAR)}
+    walls = {"top": top, "bottom": bottom, "outer": others.pop("outer", CLEAR)}
+    pad["bsdf"] = {"type": "region"} | others.pop("walls", walls)
     film = {"type": "hdrfilm", "width": pixels[0], "height": pixels[1], "rfilter": {"type": "box"}}
     film["pixel_format"] = "luminance"
     camera = {"type": "perspective", "fov": 2 * math.degrees(math.atan(0.5 * FIELD / DISTANCE)), "film": film}

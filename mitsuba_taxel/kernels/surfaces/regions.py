@@ -12,3 +12,7 @@ CONTACT = 0
 
 ALL_REGIONS = {**REGIONS, **BODY_REGIONS}
 """Codes of all regions of the meshes of this package."""
+
+COAT_REGIONS = {"coat": "top", "window": "bottom", "side": "outer"}
+"""Names of the regions of a pad without cells, behind which a camera sits, and the regions that they are. A `region`
+with a coat or a window uses these names."""
