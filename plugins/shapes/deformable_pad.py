@@ -142,7 +142,8 @@ class DeformablePad(mi.Mesh):
                 self.judged_on = self.pad.default_mesh_size
                 self.subdivision = fewer_triangles(self.subdivision, self.pad, self.mesh_size)
 
-        # The deformed surface becomes the mesh.
+        # The deformed surface becomes the mesh. A state is tested once against the same obstacles.
+        self._heeded: tuple[State, bytes] | None = None
         self.surface = self._solve(waits=packages_follow and self.load.self_contact)
         triangles = self.surface.triangles
         mesh_data = self._places(self.surface, self.surface.facing)
@@ -407,6 +408,9 @@ class DeformablePad(mi.Mesh):
         """
         if not self.state.mesh.face_cell.any():
             raise InputError(f"{NO_ROOM}: a pad with cells is needed.")
+        corners = obstacles.tobytes()
+        if self._heeded is not None and self._heeded[0] is self.state and self._heeded[1] == corners:
+            return False
         try:
             state = self.state_under(self.value, obstacles)
         except InputError as error:
@@ -420,8 +424,10 @@ class DeformablePad(mi.Mesh):
                 advice = self._room_needed(obstacles)
             raise InputError(f"{str(error).removesuffix('.')}; {advice}.") from error
         if not self.load.self_contact:
+            self._heeded = self.state, corners
             return False
         before, self.state = self.state, state
+        self._heeded = self.state, corners
         if np.array_equal(before.displacement, state.displacement):
             return False
         self.take(state)

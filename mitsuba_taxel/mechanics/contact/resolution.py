@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
@@ -91,6 +92,12 @@ def resolution(mesh: VolumeMesh, indenter: Indenter, displacement: np.ndarray, m
     Resolution
         Depth and size.
     """
+    return _resolution(mesh, indenter, np.ascontiguousarray(displacement, dtype=float).tobytes(), tuple(moved.tolist()))
+
+
+@kept(4)  # a reading tests the elements of its two meshes several times
+def _resolution(mesh: VolumeMesh, indenter: Indenter, displaced: bytes, movement: tuple[float, ...]) -> Resolution:
+    displacement, moved = np.frombuffer(displaced).reshape(-1, 3), np.array(movement)
     body = indenter.body
     if moved[2] >= 0 or body.unbounded:
         return Resolution()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -53,6 +54,38 @@ class LoadPathEnds(ComputationError):
         assert self.load is not None and self.value is not None
         driven = _shown(self.load, self.value)
         return LoadPathEnds(str(self).replace(driven, f"{_shown(load, value)}, {driven}"), load, value, self.contact)
+
+    def mirrored(self, load: Load, mirrors: Sequence[Mirror]) -> LoadPathEnds | None:
+        """The same error at a place that symmetries of the pad map to the place of this error.
+
+        Parameters
+        ----------
+        load : Load
+            The same kind of load, at the other place.
+        mirrors : Sequence[Mirror]
+            Mirrors that map the place of this error to the other place, in this order.
+
+        Returns
+        -------
+        LoadPathEnds or None
+            None if the message states sideways values, or points other than that of a contact, which cannot be
+            mirrored.
+        """
+        if self.value is None or self.value[:2].any() or type(self.load) is not type(load):
+            return None
+        words, contact = str(self), self.contact
+        if contact is not None:
+            place = np.array(contact.place)
+            stated = f"near ({_listed(place)}) mm"
+            for mirror in mirrors:
+                place = mirror.image(place)
+            contact = replace(contact, place=tuple(place.tolist()))
+            words = words.replace(stated, f"near ({_listed(place)}) mm", 1)
+            if words.count("near (") > 1:
+                return None
+        elif "near (" in words:
+            return None
+        return LoadPathEnds(words, load, self.value, contact)
 
 
 def end_of_path(

@@ -18,6 +18,7 @@ from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.geometry.mirror import MIRRORS, Mirror, mirror_image
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
+from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
 from mitsuba_taxel.mechanics.continuation.pad_path import PadPath
 from mitsuba_taxel.mechanics.continuation.state import PathRate, State, StateComparison
 from mitsuba_taxel.mechanics.elements.symmetry import node_images
@@ -75,7 +76,8 @@ def solved_by_symmetry(
     """State of the pad under an indenter, computed as the mirror image of the state under the same indenter at the
     canonical position.
 
-    If no state exists there, the load is solved at the requested position, which the error message then names.
+    If no state exists there, none exists at the requested position, which the error message names. If the message
+    cannot be mirrored, the load is solved at the requested position.
 
     Parameters
     ----------
@@ -92,6 +94,11 @@ def solved_by_symmetry(
     -------
     State
         The state.
+
+    Raises
+    ------
+    LoadPathEnds
+        if the path ends before this load.
     """
     canonical, there, mirrors = canonical_place(path, value)
     if not mirrors:
@@ -102,8 +109,13 @@ def solved_by_symmetry(
             images = mirror.image(images)
     try:
         return mirrored_state(path, solve(canonical, there, images), mirrors)
+    except LoadPathEnds as end:
+        here = end.mirrored(path.load, tuple(reversed(mirrors)))
+        if here is not None:
+            raise here from end
     except (ComputationError, InputError):
-        return solve(path, value, obstacles)
+        pass
+    return solve(path, value, obstacles)
 
 
 def mirrored_state(path: PadPath, state: State, mirrors: Mirrors) -> State:

@@ -20,7 +20,7 @@ from mitsuba_taxel.mechanics.continuation.load_segment import INTERPOLATION_TOLE
 from mitsuba_taxel.mechanics.continuation.path_states import PathStates
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import Load
-from mitsuba_taxel.mechanics.elements.nodal_forces import glued_force
+from mitsuba_taxel.mechanics.elements.nodal_forces import board_force, glued_force
 from mitsuba_taxel.mechanics.equilibrium.feet import where_linear
 from mitsuba_taxel.mechanics.local_mesh import Refinement
 from mitsuba_taxel.mechanics.materials.laws import Material
@@ -221,7 +221,7 @@ class PadPath(PathStates):
             Force in N.
         """
         if not self.load.self_contact:
-            return glued_force(self.mesh, self.material, displacement, pressure)
+            return board_force(self.mesh, self.material, displacement, pressure)
         if self.load.moved_indenter is not None:
             body = Indentation(self.mesh, self.load.moved_indenter, self.material.youngs_modulus)
             return body.contact_state(displacement, value).force

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
-from mitsuba_taxel.mechanics.elements.assembly import Assembly
-from mitsuba_taxel.mechanics.elements.constraints import number_unknowns
+from mitsuba_taxel.mechanics.elements.elements import Elements
 from mitsuba_taxel.mechanics.elements.internal_variables import StressUpdate
 from mitsuba_taxel.mechanics.elements.symmetry import part_between
 from mitsuba_taxel.mechanics.materials.laws import Material
 from mitsuba_taxel.pads.regions import REGIONS
+
+MOST_KEPT = 2**14
+"""Largest number of elements that are kept for the next state on the same mesh; each takes 9 kB."""
+elements_of = kept(1)(Elements)  # consecutive states of a study share their mesh
 
 
 def internal_forces(
@@ -43,12 +49,14 @@ def internal_forces(
     (N, 3) ndarray
         Forces in N.
     """
-    nodes = len(mesh.points)
-    unconstrained = number_unknowns(mesh, np.zeros(nodes, dtype=bool))
     stress_update = None if overstress is None else StressUpdate(1.0, overstress, part_between(mesh, {}, ()))
-    assembly = Assembly(mesh, material, unconstrained, linear=linear)
-    inside = assembly.evaluate(displacement, pressure, with_tangent=False, stress_update=stress_update)
-    return inside.residual[: 3 * nodes].reshape(-1, 3)
+    shared = linear is None and len(mesh.tets) <= MOST_KEPT
+    elements = elements_of(mesh, material) if shared else Elements(mesh, material, linear)
+    inside = elements.evaluate(displacement, pressure, with_matrices=False, stress_update=stress_update)
+    if not inside.min_jacobian > 0:
+        return np.full(mesh.points.shape, np.nan)
+    degrees = 3 * elements.nodes[:, :, None] + np.arange(3)
+    return np.bincount(degrees.ravel(), inside.forces.ravel(), mesh.points.size).reshape(-1, 3)
 
 
 def nodes_of(mesh: VolumeMesh, region: str) -> np.ndarray:
@@ -94,3 +102,28 @@ def glued_force(
     """
     forces = internal_forces(mesh, material, displacement, pressure, overstress, linear)
     return forces[nodes_of(mesh, region)].sum(axis=0)
+
+
+def board_force(mesh: VolumeMesh, material: Material, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
+    """Force of the board on an elastic pad, as :func:`glued_force` gives it, from the elements at the board alone.
+
+    Parameters
+    ----------
+    mesh, material, displacement, pressure
+        See :func:`internal_forces`.
+
+    Returns
+    -------
+    (3,) ndarray
+        Force in N; NaN if an element at the board is inverted.
+    """
+    glued = np.zeros(len(mesh.points), dtype=bool)
+    glued[nodes_of(mesh, "bottom")] = True
+    lowest = mesh.tets[glued[mesh.tets].any(axis=1)]
+    if not len(lowest):
+        return np.zeros(3)
+    elements = Elements(replace(mesh, tets=lowest), material)
+    state = elements.evaluate(displacement, pressure, with_matrices=False)
+    if not state.min_jacobian > 0:
+        return np.full(3, np.nan)
+    return state.forces[glued[elements.nodes]].sum(axis=0)

@@ -199,7 +199,7 @@ class IndentedPad(LoadedPad):
         # The pressures at the start are unknown; those that balance the start best are used.
         unknowns, first_error, last_error, distance = start, 0.0, math.inf, 0.0
         forces = self._initial_pressures(unknowns, value, history)
-        state = self._under_forces(unknowns, value, forces, True, history)
+        state = self._under_forces(unknowns, value, forces, linearised is None, history)
         if linearised and contact is None:
             contact = self._contact(linearised.factor, state)
         for iteration in range(self._most_iterations):

@@ -16,12 +16,12 @@ import numpy as np
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.elements import Elements
+from mitsuba_taxel.mechanics.elements.nodal_forces import MOST_KEPT, elements_of
 
 SHARE = 0.01
 """Fraction of the volume of the undeformed silicone over which the largest strains are averaged."""
-BLOCK = 2**14
-"""Number of elements that are evaluated together; each takes 9 kB. Smaller meshes are one block, which is cached."""
-_elements = kept(1)(Elements)  # consecutive states of a study share their mesh
+BLOCK = MOST_KEPT
+"""Number of elements that are evaluated together. Smaller meshes are one block, which is cached."""
 
 
 class LargestStrain:
@@ -110,7 +110,7 @@ class LargestStrain:
         """
         count = len(self._mesh.tets)
         if count <= BLOCK:
-            yield _elements(self._mesh, self._material)
+            yield elements_of(self._mesh, self._material)
             return
         for first in range(0, count, BLOCK):
             yield Elements(replace(self._mesh, tets=self._mesh.tets[first : first + BLOCK]), self._material)

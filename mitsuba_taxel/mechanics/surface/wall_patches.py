@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.geometry.quadratic_shapes import shape_functions
 from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.point_locator import Location, locator_of
@@ -56,7 +57,8 @@ class WallPatches:
         """Undeformed lattice points (F, K, 3) in mm, K on each of F faces, in the one cell whose faces are stored.
         Equal cells share them.
         """
-        return self._placed(self.walls.points, self.pad)
+        lattice = tuple(map(tuple, self.lattice.tolist()))
+        return _pattern(self.walls, self.pad, tuple(self.faces.tolist()), lattice)
 
     @cached_property
     def shift(self) -> np.ndarray:
@@ -117,7 +119,25 @@ class WallPatches:
         return np.array([x - x0, y - y0, 0.0])
 
     def _placed(self, nodes: np.ndarray, pad: AnyPad) -> np.ndarray:
-        shapes = shape_functions(np.column_stack([1 - self.lattice.sum(axis=1), self.lattice]))
-        points = np.einsum("kn,fnc->fkc", shapes, nodes[self.walls.faces[self.faces]])
-        face = np.repeat(self.faces, len(self.lattice))
-        return placed(self.walls, face, points.reshape(-1, 3), pad)[0].reshape(points.shape)
+        return _placed(self.walls, nodes, pad, self.faces, self.lattice)
+
+
+@kept(8)
+def _pattern(
+    walls: VolumeMesh, pad: AnyPad, faces: tuple[int, ...], lattice: tuple[tuple[float, float], ...]
+) -> np.ndarray:
+    """Undeformed lattice points (F, K, 3) in mm on F faces of a mesh; all equal cells share them."""
+    pattern = _placed(walls, walls.points, pad, np.array(faces), np.array(lattice))
+    pattern.setflags(write=False)
+    return pattern
+
+
+def _placed(
+    walls: VolumeMesh, nodes: np.ndarray, pad: AnyPad, faces: np.ndarray, lattice: np.ndarray
+) -> np.ndarray:
+    """Points (F, K, 3) in mm of a lattice on F faces of a mesh whose nodes may have moved, on the round walls of a pad.
+    """
+    shapes = shape_functions(np.column_stack([1 - lattice.sum(axis=1), lattice]))
+    points = np.einsum("kn,fnc->fkc", shapes, nodes[walls.faces[faces]])
+    face = np.repeat(faces, len(lattice))
+    return placed(walls, face, points.reshape(-1, 3), pad)[0].reshape(points.shape)

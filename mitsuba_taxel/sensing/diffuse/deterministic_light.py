@@ -113,9 +113,10 @@ def deterministic_light(
 def _touches(cells: DiffuseCells, number: int, deviations: tuple[np.ndarray, ...]) -> bool:
     """Whether the walls of a cell touch a package, either in the present shape or after a further displacement of the
     nodes by one of ``deviations`` (N, 3)."""
-    state, walls = cells.pad.state, cells.patches(number).faces
+    state = cells.pad.state
     if state.bodies is None:
         return False
+    walls = cells.patches(number).faces
     width = widest_shut(state.mesh, state.bodies)
     at = walls.rest + walls.carried(state.displacement)
     positions = np.concatenate([at, *(at + walls.carried(deviation) for deviation in deviations)])

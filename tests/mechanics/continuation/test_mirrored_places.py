@@ -16,7 +16,9 @@ from mitsuba_taxel.mechanics import (
     reactions,
     state_at_rest,
 )
-from mitsuba_taxel.mechanics.continuation.mirrored_places import canonical_place
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact
+from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds, end_of_path
+from mitsuba_taxel.mechanics.continuation.mirrored_places import canonical_place, solved_by_symmetry
 from mitsuba_taxel.mechanics.continuation.pad_path import pad_path
 from mitsuba_taxel.mechanics.errors.second_state import second_state
 from mitsuba_taxel.pads import Pad
@@ -110,3 +112,42 @@ def test_obstacles_are_where_they_are():
     assert pressed((-1.8, 1.8), obstacles=block).displacement.any()
     with pytest.raises(ComputationError, match=r"touches .* near \(-1\.\d+, 1\.\d+, "):
         pressed((-1.8, 1.8), obstacles=block * (-1, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("value", "reason", "stated"),
+    [
+        ((0.0, 0.0, -0.3), "touches the board", "near (-0.7, -1.2, 0.1) mm"),
+        ((0.0, 0.0, -0.3), "cannot be loaded further", "ends at displacement = (0, 0, -0.3) mm"),
+    ],
+)
+def test_a_place_that_fails_is_solved_once(value, reason, stated):
+    """Its message has the point of contact at its own place: at the canonical one, x = 1.2 and y = 0.7."""
+    path, solved = pad_path(PAD, LAW, ball(PLACES[3]), SIZE), []
+    touched = np.array([1.2, 0.7, 0.1] if "touches" in reason else [np.nan] * 3)
+
+    def solve(at, there, obstacles):
+        solved.append(at.load.indenter.at)
+        raise end_of_path(at.mesh, at.load, np.array(value), reason, touched, None)
+
+    with pytest.raises(LoadPathEnds) as end:
+        solved_by_symmetry(path, np.array(DOWN), None, solve)
+    assert solved == [(1.2, 0.7)] and stated in str(end.value)
+    assert end.value.load == path.load and (end.value.value == value).all()
+    contact = Contact("the board", (-0.7, -1.2, 0.1)) if "touches" in reason else None
+    assert end.value.contact == contact
+
+
+def test_a_place_is_solved_where_its_message_cannot_be_mirrored():
+    """A sideways end, and a fold, whose point no error keeps."""
+    path = pad_path(PAD, LAW, ball(PLACES[3]), SIZE)
+    for value, fold in (((0.1, 0.0, -0.3), None), ((0.0, 0.0, -0.3), (1.2, 0.7, 0.1))):
+        solved = []
+
+        def solve(at, there, obstacles, value=value, fold=fold, solved=solved):
+            solved.append(at.load.indenter.at)
+            raise end_of_path(at.mesh, at.load, np.array(value), "ends", np.full(3, np.nan), None, fold)
+
+        with pytest.raises(LoadPathEnds):
+            solved_by_symmetry(path, np.array(DOWN), None, solve)
+        assert solved == [(1.2, 0.7), PLACES[3]]

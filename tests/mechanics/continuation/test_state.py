@@ -21,7 +21,7 @@ from mitsuba_taxel.mechanics import (
 )
 from mitsuba_taxel.mechanics.contact.barriers.singular_edges import judged_nodes
 from mitsuba_taxel.mechanics.elements.elements import Elements
-from mitsuba_taxel.mechanics.elements.nodal_forces import internal_forces
+from mitsuba_taxel.mechanics.elements.nodal_forces import board_force, glued_force, internal_forces
 from mitsuba_taxel.pads import Pad
 
 PAD, LAW, SIZE = Pad(rows=1, columns=1), NeoHookean(1.0, 0.45), 3.0
@@ -95,3 +95,15 @@ def test_figures_between_steps_of_time():
     between, solved = found[:2]
     assert between.newton_iterations == 0 < solved.newton_iterations
     assert between.memory.error < solved.memory.error
+
+
+@pytest.mark.parametrize("pad", [PAD, Pad(cell="cylindrical", rows=1, columns=2)], ids=["one cell", "two cells"])
+def test_the_force_of_the_board(pad):
+    """From the elements at the board alone, as from all elements, and against the load."""
+    (state,) = load_path(pad, LAW, [(0.05, 0.02, -0.4)], mesh_size=SIZE)
+    arguments = state.mesh, LAW, state.displacement, state.pressure
+    force = board_force(*arguments)
+    np.testing.assert_allclose(force, glued_force(*arguments), atol=1e-13)
+    np.testing.assert_allclose(force, (-0.05, -0.02, 0.4), atol=1e-4)
+    inverted = state.displacement * (1.0, 1.0, 1e3)
+    assert np.isnan(board_force(state.mesh, LAW, inverted, state.pressure)).all()
