@@ -27,6 +27,7 @@ from mitsuba_taxel.mechanics.continuation.state import State
 from mitsuba_taxel.mechanics.elements.loads import SPREAD_FORCE, Load
 from mitsuba_taxel.mechanics.elements.memory import memory_for
 from mitsuba_taxel.mechanics.errors.mesh_sizes import chosen_size
+from mitsuba_taxel.mechanics.errors.second_ends import end_on_second_mesh
 from mitsuba_taxel.mechanics.errors.second_meshes import compared
 from mitsuba_taxel.mechanics.history.pushed_path import PushedPath
 from mitsuba_taxel.mechanics.history.timed_path import TimedPath
@@ -267,7 +268,10 @@ def _elastic_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | Non
 
 
 def _compared_state(path: PadPath, value: np.ndarray, obstacles: np.ndarray | None) -> State:
-    on, _, state = solved_on(path, value, obstacles)
+    try:
+        on, _, state = solved_on(path, value, obstacles)
+    except LoadPathEnds as end:
+        raise end_on_second_mesh(path, value, obstacles, end) from end
     return compared(on, state)
 
 

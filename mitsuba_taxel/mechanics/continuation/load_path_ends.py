@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -29,6 +28,9 @@ class LoadPathEnds(ComputationError):
         Last value with a state: (3,) in N or mm, or (1,) in MPa.
     contact : Contact or None
         Object that the deformed pad touches there; None if the path ends for another reason.
+    compared : Callable[[], str] or None
+        Returns a sentence about the end on other elements, which follows the message. It is called when the message is
+        first read, because that path may have to be solved.
     """
 
     def __init__(
@@ -37,9 +39,18 @@ class LoadPathEnds(ComputationError):
         load: Load | None = None,
         value: np.ndarray | None = None,
         contact: Contact | None = None,
+        compared: Callable[[], str] | None = None,
     ) -> None:
         super().__init__(message)
-        self.load, self.value, self.contact = load, value, contact
+        self.load, self.value, self.contact, self.compared = load, value, contact, compared
+
+    def __str__(self) -> str:
+        if self.compared is not None:
+            self.args, self.compared = (f"{self.args[0]}{self.compared()}",), None
+        return super().__str__()
+
+    def __reduce__(self) -> tuple[type[LoadPathEnds], tuple[object, ...]]:
+        return type(self), (str(self), self.load, self.value, self.contact)
 
     def at(self, load: Load, value: np.ndarray) -> LoadPathEnds:
         """Copy of this error for another kind of load: ``value`` is the value of that load at the end of the path."""
@@ -121,7 +132,7 @@ def end_of_path(
     LoadPathEnds
         Error with the message.
     """
-    where = f" near ({_listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
+    where = f" near ({listed(place)}) mm, which is outside the model" if np.all(np.isfinite(place)) else ""
     touched, what = reason.startswith("touches"), reason.removeprefix("touches ")
     hint = ""
     if touched and load.self_contact:
@@ -131,7 +142,7 @@ def end_of_path(
     elif touched:
         hint = " With self_contact = true the path continues."
     elif folded_at:
-        location = _listed(np.array(folded_at))
+        location = listed(np.array(folded_at))
         hint = f" It is folded into itself at an inner edge, near ({location}) mm: self_contact = true prevents that."
     elif UNSTABLE in reason and load.moved_indenter is not None and load.has_position:
         hint = " The elements may be too large at the edge of the contact: try a smaller mesh_size."
@@ -143,12 +154,13 @@ def end_of_path(
 
 
 def _shown(load: Load, value: np.ndarray) -> str:
-    shown = f"({_listed(value[:3])})" if len(value) > 1 else _listed(value)
-    moment = f" and moment = ({_listed(value[3:])}) N mm" if load.tilts else ""
+    shown = f"({listed(value[:3])})" if len(value) > 1 else listed(value)
+    moment = f" and moment = ({listed(value[3:])}) N mm" if load.tilts else ""
     return f"{load.quantity} = {shown} {load.unit}{moment}"
 
 
-def _listed(numbers: np.ndarray) -> str:
+def listed(numbers: np.ndarray) -> str:
+    """Numbers as text with four digits, separated by commas."""
     return ", ".join(f"{number:.4g}" for number in numbers)
 
 
