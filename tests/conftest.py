@@ -106,6 +106,14 @@ def signals_reach_programs():
             signal.signal(number, lambda *_: None)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def no_power_is_cut():
+    """Files are not waited for until a disk holds them: 300 times in a test of an optimisation, 10 ms each."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda descriptor: None)
+        yield
+
+
 @pytest.fixture
 def llvm_mono():
     """Mitsuba in the default variant (``MITSUBA_TAXEL_VARIANT``), whatever an earlier test has set."""
