@@ -219,13 +219,13 @@ def camera_image(
         changes["markers"] = marker_flow(live, view.points - view.displacement, at_rest)
     radiance, standard_error = _mean_and_error(images)
     return CameraImage(
-        radiance,
-        standard_error,
-        mechanics_error,
-        view.depth,
-        view.coat,
-        view.displacement,
-        view.contact_pressure,
+        radiance=radiance,
+        standard_error=standard_error,
+        mechanics_error=mechanics_error,
+        depth=view.depth,
+        coat=view.coat,
+        displacement=view.displacement,
+        contact_pressure=view.contact_pressure,
         samples=count,
         replicates=REPLICATES,
         seed=seed,

@@ -228,12 +228,12 @@ def _view(scene: mi.Scene, camera: mi.Sensor) -> View:
             "the coat reflects nothing to the inside: the BSDF of region coat must reflect there, as twosided does."
         )
     return View(
-        camera,
-        depth.reshape(height, width),
-        on_coat.reshape(height, width),
-        displacement.reshape(height, width, 3),
-        np.where(on_coat[:, None], points, math.nan).reshape(height, width, 3),
-        None if not np.nansum(pressure) else pressure.reshape(height, width),
+        camera=camera,
+        depth=depth.reshape(height, width),
+        coat=on_coat.reshape(height, width),
+        displacement=displacement.reshape(height, width, 3),
+        points=np.where(on_coat[:, None], points, math.nan).reshape(height, width, 3),
+        contact_pressure=None if not np.nansum(pressure) else pressure.reshape(height, width),
     )
 
 

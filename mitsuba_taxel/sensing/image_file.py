@@ -142,13 +142,13 @@ def read_image(file: str | os.PathLike[str]) -> tuple[CameraImage, dict[str, Any
         else:  # of an older version
             mechanics_error = np.full_like(radiance, math.nan)
         image = CameraImage(
-            radiance,
-            _stacked(channels, "standard_error.", names),
-            mechanics_error,
-            channels["depth"],
-            channels["coat"] > 0,
-            _stacked(channels, "displacement.", "xyz"),
-            channels.get("contact_pressure"),
+            radiance=radiance,
+            standard_error=_stacked(channels, "standard_error.", names),
+            mechanics_error=mechanics_error,
+            depth=channels["depth"],
+            coat=channels["coat"] > 0,
+            displacement=_stacked(channels, "displacement.", "xyz"),
+            contact_pressure=channels.get("contact_pressure"),
             samples=int(header["samples"]),
             replicates=int(header["replicates"]),
             seed=int(header["seed"]),
