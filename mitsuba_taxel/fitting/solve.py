@@ -143,7 +143,15 @@ def solve(
     residual = float(misfit if errors is not None else misfit / weights[0] ** 2)
     by_reading = by_weighted * weights
     return LeastSquares(
-        solution.x, deviation, quantile * deviation, correlation, by_reading, readings, residual, freedom, warnings
+        values=solution.x,
+        errors=deviation,
+        half_width=quantile * deviation,
+        correlation=correlation,
+        by_reading=by_reading,
+        model=readings,
+        misfit=residual,
+        degrees_of_freedom=freedom,
+        warnings=warnings,
     )
 
 

@@ -211,22 +211,22 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
     relative = tests.deviation / tests.largest
     material, stable, refusal = _law(candidate, constants)
     return LawFit(
-        candidate,
-        constants,
-        covariance,
-        constants - width,
-        constants + width,
-        all_slacks(best[shapes:]),
-        slack_errors,
-        np.split(model(unknowns) * tests.deviation, tests.ends),
-        float(np.sqrt(variance)),
-        float(np.sqrt(np.square(residual * relative).mean())),
-        predicted,
-        float(np.sqrt(np.square(predicted * relative).mean())),
-        material,
-        stable,
-        refusal,
-        np.zeros((2, len(tests.curves))),
+        candidate=candidate,
+        constants=constants,
+        covariance=covariance,
+        low=constants - width,
+        high=constants + width,
+        slacks=all_slacks(best[shapes:]),
+        slack_errors=slack_errors,
+        stress=np.split(model(unknowns) * tests.deviation, tests.ends),
+        misfit=float(np.sqrt(variance)),
+        rms=float(np.sqrt(np.square(residual * relative).mean())),
+        predicted=predicted,
+        cross_validated=float(np.sqrt(np.square(predicted * relative).mean())),
+        material=material,
+        stable=stable,
+        refusal=refusal,
+        possible_slacks=np.zeros((2, len(tests.curves))),
     )
 
 

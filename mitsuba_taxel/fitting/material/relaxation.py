@@ -104,15 +104,15 @@ def fit_relaxation(file: str | Path) -> RelaxationFit:
         raise InputError(f"{what}, line {lines[0]}: the stress does not fall: a test at constant strain is needed.")
     notes.append(f"{path.name}: the strain is taken as applied at once at line {lines[0]}")
     return RelaxationFit(
-        path.name,
-        tuple((float(g), float(tau)) for g, tau in zip(chosen.shares, chosen.times, strict=True)),
-        chosen.share_errors,
-        chosen.time_errors,
-        float(np.sqrt(np.mean((chosen.model - stress) ** 2))) / amplitude,
-        time,
-        stress / amplitude,
-        chosen.model / amplitude,
-        notes,
+        file=path.name,
+        prony=tuple((float(g), float(tau)) for g, tau in zip(chosen.shares, chosen.times, strict=True)),
+        weight_errors=chosen.share_errors,
+        time_errors=chosen.time_errors,
+        rms=float(np.sqrt(np.mean((chosen.model - stress) ** 2))) / amplitude,
+        time=time,
+        stress=stress / amplitude,
+        model=chosen.model / amplitude,
+        notes=notes,
     )
 
 
