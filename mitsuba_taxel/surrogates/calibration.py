@@ -167,19 +167,19 @@ def calibrate(
     model = _polynomial(_fit(rows), size, table.unit, missed, tested)
     contained = contained_by_path(missed, fold, rows.path, coverage)
     return Calibration(
-        model,
-        table.names,
-        half_width,
-        coverage,
-        float(contained.mean()),
-        table.unit,
-        noise,
-        tested,
-        saturated,
-        table.units,
-        paths,
-        paths_needed(coverage),
-        float(contained.std(ddof=1) / math.sqrt(paths)),
+        polynomial=model,
+        forces=table.names,
+        half_width=half_width,
+        coverage=coverage,
+        covered=float(contained.mean()),
+        unit=table.unit,
+        noise=noise,
+        tested=tested,
+        saturated=saturated,
+        units=table.units,
+        paths=paths,
+        needed=paths_needed(coverage),
+        covered_error=float(contained.std(ddof=1) / math.sqrt(paths)),
     )
 
 
@@ -243,7 +243,17 @@ def _polynomial(fitted: Pipeline, size: np.ndarray, unit: str, missed: np.ndarra
     weights = np.concatenate([np.atleast_1d(ridge.intercept_)[None], np.atleast_2d(ridge.coef_).T]) * size
     rms, worst = float(np.sqrt(np.mean(missed**2, axis=0)).max()), float(np.abs(missed).max())
     low, high = scaler.data_min_, scaler.data_max_
-    return Polynomial(labels, (unit,) * inputs, low, high, exponents, weights, rms, worst, tested)
+    return Polynomial(
+        names=labels,
+        units=(unit,) * inputs,
+        low=low,
+        high=high,
+        exponents=exponents,
+        weights=weights,
+        rms=rms,
+        worst=worst,
+        tested=tested,
+    )
 
 
 def _saturated(study: xr.Dataset) -> str:

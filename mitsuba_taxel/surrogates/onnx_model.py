@@ -289,7 +289,17 @@ def read_polynomial(file: Path) -> Polynomial | None:
         return None
     if "readings" not in [output.name for output in model.graph.output]:
         return None  # a calibration
-    return Polynomial(tuple(names), tuple(units), low, high, exponents[0], weights, math.nan, math.nan, "")
+    return Polynomial(
+        names=tuple(names),
+        units=tuple(units),
+        low=low,
+        high=high,
+        exponents=exponents[0],
+        weights=weights,
+        rms=math.nan,
+        worst=math.nan,
+        tested="",
+    )
 
 
 def check_onnx() -> None:

@@ -121,7 +121,18 @@ def polynomial_of(study: xr.Dataset) -> Polynomial:
     weights = np.linalg.lstsq(terms(scaled, exponents), readings, rcond=None)[0]
     units = tuple(study[name].attrs.get("units", "") for name in names)
     worst = float(np.abs(residuals[best]).max())
-    return Polynomial(names, units, low, high, exponents, weights, rms[best], worst, tested, unseen)
+    return Polynomial(
+        names=names,
+        units=units,
+        low=low,
+        high=high,
+        exponents=exponents,
+        weights=weights,
+        rms=rms[best],
+        worst=worst,
+        tested=tested,
+        unseen=unseen,
+    )
 
 
 def _rows(study: xr.Dataset) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
