@@ -200,4 +200,14 @@ def reflected(
         active &= following.is_valid()
         distance = dr.select(active, distance + dr.norm(following.p - si.p), distance)
         si = dr.select(active, following, si)
-    return ReflectedEnd(si, direction, arrived, weight, stretch, distance, of_first, ends, mirrors)
+    return ReflectedEnd(
+        si=si,
+        direction=direction,
+        valid=arrived,
+        weight=weight,
+        stretch=stretch,
+        distance=distance,
+        specular=of_first,
+        ends=ends,
+        mirrors=mirrors,
+    )

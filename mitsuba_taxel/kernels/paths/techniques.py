@@ -22,7 +22,7 @@ If xn is on a mirror, only hits sample the path. Two more techniques then sample
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import drjit as dr
@@ -164,8 +164,9 @@ class Techniques:
         d = self.sensor.faces.frame.to_world(local)
         if not self.sensor_subpaths:
             nothing = dr.zeros(mi.SurfaceInteraction3f)
-            others: list[Any] = [None] * 11
-            return View(y, offset, nothing, nothing.bsdf(), mi.Bool(False), *others)
+            values: dict[str, Any] = dict.fromkeys(field.name for field in fields(View))
+            values |= {"y": y, "offset": offset, "si": nothing, "bsdf": nothing.bsdf(), "valid": mi.Bool(False)}
+            return View(**values)
         exit_point, is_open = self.sensor.window.leave(self.index, y, d)
         ray = release(exit_point, mi.Normal3f(self.sensor.normal), d, self.clearance)
         si = self.scene.ray_intersect(ray)
@@ -174,22 +175,22 @@ class Techniques:
         cosine = dr.abs(dr.dot(si.n, d))
         member, guided, uv = self.guidance(si, valid)
         return View(
-            y,
-            offset,
-            si,
-            si.bsdf(mi.RayDifferential3f(ray)),
-            valid & (cosine > 0),
-            self.sensor.response(local.z) * local.z / of_direction,
-            si.to_local(-d),
-            cosine,
-            of_direction * cosine / distance_squared,
-            self.area * local.z / distance_squared,
-            member,
-            guided,
-            uv,
-            mi.Bool(self.connections),
-            mi.UInt32(0),
-            ViewRay(exit_point, d, local.z, of_direction),
+            y=y,
+            offset=offset,
+            si=si,
+            bsdf=si.bsdf(mi.RayDifferential3f(ray)),
+            valid=valid & (cosine > 0),
+            weight=self.sensor.response(local.z) * local.z / of_direction,
+            to_y=si.to_local(-d),
+            cosine=cosine,
+            density=of_direction * cosine / distance_squared,
+            solid_angle=self.area * local.z / distance_squared,
+            member=member,
+            guided=guided,
+            uv=uv,
+            connectable=mi.Bool(self.connections),
+            mirrors=mi.UInt32(0),
+            ray=ViewRay(exit_point, d, local.z, of_direction),
         )
 
     def reflect(self, view: View, choice: mi.Float) -> View:
@@ -217,22 +218,22 @@ class Techniques:
         if self.mirrors is not None:
             plane = (end.mirrors == 1) & self.mirrors.contains(self.index, view.si, valid)
         return View(
-            view.y,
-            view.offset,
-            end.si,
-            end.si.bsdf(),
-            valid,
-            view.weight * end.weight,
-            end.si.to_local(-end.direction),
-            cosine,
-            view.ray.density * end.stretch * cosine * end.ends / distance_squared,
-            self.area * view.ray.cosine * end.specular / distance_squared,
-            member,
-            guided,
-            uv,
-            plane,
-            end.mirrors,
-            view.ray,
+            y=view.y,
+            offset=view.offset,
+            si=end.si,
+            bsdf=end.si.bsdf(),
+            valid=valid,
+            weight=view.weight * end.weight,
+            to_y=end.si.to_local(-end.direction),
+            cosine=cosine,
+            density=view.ray.density * end.stretch * cosine * end.ends / distance_squared,
+            solid_angle=self.area * view.ray.cosine * end.specular / distance_squared,
+            member=member,
+            guided=guided,
+            uv=uv,
+            connectable=plane,
+            mirrors=end.mirrors,
+            ray=view.ray,
         )
 
     def ends_views(self, si: mi.SurfaceInteraction3f, bsdf: mi.BSDFPtr, active: mi.Bool) -> mi.Float:
