@@ -224,7 +224,16 @@ def _experiment(
     """Create an experiment from runs. Its changes are relative to the readings at the least force."""
     force = np.concatenate([run.force for run in line_runs])
     rest = np.concatenate([run.samples for run in line_runs])[np.abs(force).argmin()]
-    return Experiment(line.name, line.direction, where, unit, taxel, since(rest, line_runs), line.ordered, rest)
+    return Experiment(
+        force=line.name,
+        direction=line.direction,
+        where=where,
+        unit=unit,
+        taxel=taxel,
+        runs=since(rest, line_runs),
+        ordered=line.ordered,
+        rest=rest,
+    )
 
 
 def _set_line(study: xr.Dataset, dim: str) -> LoadLine:

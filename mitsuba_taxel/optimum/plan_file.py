@@ -67,8 +67,17 @@ def read_plan(file: Path) -> Plan:
     _refuse_twice(variables, choices, lines, defines)
     reader = _FigureReader(lines, circuit, units_of_parameters(batch.file))
     return Plan(
-        batch, circuit, variables, choices, lines, reader.goal(table), reader.limits(table.get("constraints", [])),
-        _count(table, "starts", 1), _count(table, "evaluations", 12), _tolerances(table, base), reader.front(table),
+        batch=batch,
+        circuit=circuit,
+        variables=variables,
+        choices=choices,
+        lines=lines,
+        goal=reader.goal(table),
+        limits=reader.limits(table.get("constraints", [])),
+        starts=_count(table, "starts", 1),
+        evaluations=_count(table, "evaluations", 12),
+        tolerances=_tolerances(table, base),
+        front=reader.front(table),
     )  # fmt: skip
 
 

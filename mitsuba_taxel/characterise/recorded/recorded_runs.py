@@ -85,7 +85,16 @@ def recorded_experiment(measurement: Measurement) -> Experiment:
         notes.append(
             f"The recording has no unloaded state: changes and relative slopes refer to the least force, {least:.3g} N."
         )
-    return Experiment(name, direction, {}, "V", measurement.taxel, since(rest, runs), rest=rest, notes=tuple(notes))
+    return Experiment(
+        force=name,
+        direction=direction,
+        where={},
+        unit="V",
+        taxel=measurement.taxel,
+        runs=since(rest, runs),
+        rest=rest,
+        notes=tuple(notes),
+    )
 
 
 class _Curve:

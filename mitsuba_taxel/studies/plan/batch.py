@@ -253,10 +253,10 @@ def make_batch(
     if not isinstance(meshes, str) or meshes not in KEPT_MESHES:
         raise InputError(f"meshes = {meshes!r} is not allowed: one of {', '.join(KEPT_MESHES)} is needed.")
     batch = Batch(
-        name,
-        file,
-        fixed,
-        axes,
+        name=name,
+        file=file,
+        defines=fixed,
+        axes=axes,
         target_error=plain_number(target_error),
         points=plain_number(points),
         time_budget=plain_number(time_budget),

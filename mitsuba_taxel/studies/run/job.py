@@ -128,17 +128,17 @@ def _by_paths(readings: Readings, job: Job, scene: Scene, ready: Prepared) -> De
     changes = [rates(scene, name) for name in job.derivatives]
     shape, points = (len(readings.taxel), len(changes)), readings.points or FIRST_POINTS
     empty = Derivatives(
-        job.derivatives,
-        tuple(unit_of(change.unit) for change in changes),
-        np.full(shape, math.nan),
-        np.full(shape, math.nan),
-        readings.power,
-        readings.standard_error,
-        math.nan,
-        np.full(len(changes), math.nan),
-        math.nan,
-        np.full(len(changes), math.nan),
-        BY_CURVE,
+        parameters=job.derivatives,
+        units=tuple(unit_of(change.unit) for change in changes),
+        values=np.full(shape, math.nan),
+        standard_errors=np.full(shape, math.nan),
+        power=readings.power,
+        power_errors=readings.standard_error,
+        strain=math.nan,
+        strain_rates=np.full(len(changes), math.nan),
+        clearance=math.nan,
+        clearance_rates=np.full(len(changes), math.nan),
+        method=BY_CURVE,
     )
     columns = [number for number, name in enumerate(job.derivatives) if name not in job.fitted]
     if not columns:
