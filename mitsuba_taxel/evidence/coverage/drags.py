@@ -172,7 +172,16 @@ class DragCase:
                 (np.array([mean_roof_displacement(state.mesh, state.displacement, 1)]), state.error.displacement)
             )
         force = float(np.linalg.norm(forces[0][0]))
-        return DragRow(self.name, "", force, *_relative_deviation(*forces), *_relative_deviation(*roofs))
+        force_off, force_stated = _relative_deviation(*forces)
+        roof_off, roof_stated = _relative_deviation(*roofs)
+        return DragRow(
+            self.name,
+            force=force,
+            force_off=force_off,
+            force_stated=force_stated,
+            roof_off=roof_off,
+            roof_stated=roof_stated,
+        )
 
 
 def _relative_deviation(pressed: tuple[np.ndarray, float], dragged: tuple[np.ndarray, float]) -> tuple[float, float]:

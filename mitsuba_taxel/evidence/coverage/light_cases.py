@@ -97,16 +97,18 @@ class LightCase:
         noise = math.hypot(noise, geometry_of(prepare(scene), seed=1).share)
         slopes = self._slopes(scene, default) if self.with_slopes else (math.nan,) * 3
         return LightRow(
-            self.name,
-            "no" if deterministic else "yes",
-            power,
-            (power - true) / scale,
-            stated_error,
-            noise,
-            *slopes,
-            seconds,
-            tight,
-            megabytes,
+            case=self.name,
+            random="no" if deterministic else "yes",
+            power=power,
+            off=(power - true) / scale,
+            stated=stated_error,
+            noise=noise,
+            slope_off=slopes[0],
+            slope_stated=slopes[1],
+            slope_noise=slopes[2],
+            seconds=seconds,
+            tight_seconds=tight,
+            megabytes=megabytes,
         )
 
     def _slopes(self, scene: Scene, default: Readings) -> tuple[float, float, float]:

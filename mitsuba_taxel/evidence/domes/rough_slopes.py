@@ -166,7 +166,17 @@ def _row(name: str, case: RoughCase) -> RoughRow:
     plain = float(standard_error(ends[1] - ends[0])) / abs(loads[-1] * slope)
     light, _, shape = map(float, mean.relative[:, worst])
     of_largest = float(np.hypot(*largest.relative[:2]).max())
-    return RoughRow(name, case.points, reading, 1e6 * slope, light, shape, of_largest, seconds, plain)
+    return RoughRow(
+        case=name,
+        points=case.points,
+        reading=reading,
+        slope=1e6 * slope,
+        light=light,
+        shape=shape,
+        largest=of_largest,
+        seconds=seconds,
+        plain=plain,
+    )
 
 
 def write_page(rows: Sequence[RoughRow], file: Path, command: str) -> None:

@@ -123,15 +123,15 @@ def results(store: PaperStudies, press: IndenterPress, late: float) -> PronyFit:
     slow, slow_finer = (cycle(store, press, terms, late, mesh_size=size) for size in (None, FINER))
     rubbed = cycle(store, press, (), late, FRICTION)
     return PronyFit(
-        terms,
-        paths,
-        tail_of(study),
-        hold_of(study),
-        held_change_of(study),
-        loop_of(slow),
-        loop_of(rubbed),
-        float(rubbed.force.max() / slow.force.max()),
-        errors_of(study, finer, slow, slow_finer),
+        terms=terms,
+        paths=paths,
+        tail=tail_of(study),
+        hold=hold_of(study),
+        held_change=held_change_of(study),
+        loop=loop_of(slow),
+        rubbed=loop_of(rubbed),
+        stiffer=float(rubbed.force.max() / slow.force.max()),
+        errors=errors_of(study, finer, slow, slow_finer),
     )
 
 

@@ -128,7 +128,17 @@ def results(store: PaperStudies) -> PadComparison:
     measured_ring = ring(np.array(measured.HELD_MAP), 1)
     widest = min(tried, key=lambda wide: abs(wide.near - measured_ring))
     change = float(errors.change.sel(taxel=measured.PRESSED).item())
-    return PadComparison(fitted_pad, compared, offset, centred, held_map(moved_study), change, errors, finer, widest)
+    return PadComparison(
+        found=fitted_pad,
+        taxels=compared,
+        offset=offset,
+        centred=centred,
+        moved=held_map(moved_study),
+        held=change,
+        errors=errors,
+        finer=finer,
+        widest=widest,
+    )
 
 
 def predicted_path(store: PaperStudies, fitted: IndenterPress, taxel: int) -> xr.Dataset:
