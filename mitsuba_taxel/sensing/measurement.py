@@ -265,10 +265,10 @@ def _result(prepared: PreparedFor, run: Run, seconds: dict[str, float], mechanic
         in_order = [np.full(pair.count, pair.sensor.responsivity(pair.led.wavelength)) for pair in pairs]
         responsivity, positions = np.concatenate(in_order), taxel_positions(pairs)
     return Readings(
-        powers,
-        run.points,
-        run.seed,
-        seconds,
+        replicates=powers,
+        points=run.points,
+        seed=run.seed,
+        seconds=seconds,
         parameters=ready.parameters,
         irradiance=run.image,
         responsivity=responsivity,

@@ -260,7 +260,15 @@ class RowSteps:
             assert here.load_memory is not None
             memory = self._response.after(here.load_memory, (fraction - here.fraction) * self._load[1], time)
         velocity = (solution.unknowns - here.unknowns) / time if time and not self._leaps else None
-        after = StepState(fraction, solution, variables, velocity, unchecked, friction_state, memory)
+        after = StepState(
+            fraction=fraction,
+            solution=solution,
+            variables=variables,
+            velocity=velocity,
+            unchecked=unchecked,
+            friction_state=friction_state,
+            load_memory=memory,
+        )
         if measures is None:
             return after
 

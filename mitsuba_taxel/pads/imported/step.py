@@ -179,7 +179,18 @@ def surveyed(path: Path, digest: str, rules: tuple[Rule, ...], placement: Placem
     diagonal, height = float(np.linalg.norm(np.ptp(points, axis=0))), float(points[:, 2].max())
     mirrors = _mirrors(solid, points, triangles, face, region, TOLERANCE * diagonal)
     volume = float(raw["volume"])
-    return Survey(volume, diagonal, height, mirrors, region, cell, patches, by_triangle, face, singular)
+    return Survey(
+        volume=volume,
+        diagonal=diagonal,
+        height=height,
+        mirrors=mirrors,
+        region=region,
+        cell=cell,
+        patches=patches,
+        patch_region=by_triangle,
+        face=face,
+        singular=singular,
+    )
 
 
 def _mirrors(

@@ -151,14 +151,16 @@ class _Linearised:
             strain = self.linear.strain(nodal)
             clearance = clearances(self.state, nodal, self.cells.scene, scenes)
         return Derivatives(
-            tuple(change.name for change in changes),
-            tuple(unit_of(change.unit) for change in changes),
-            power * np.array([cell.values for cell in solved]),
-            power * errors,
-            (power * reading)[:, 0],
-            (power * reading_errors)[:, 0],
-            *strain,
-            *clearance,
+            parameters=tuple(change.name for change in changes),
+            units=tuple(unit_of(change.unit) for change in changes),
+            values=power * np.array([cell.values for cell in solved]),
+            standard_errors=power * errors,
+            power=(power * reading)[:, 0],
+            power_errors=(power * reading_errors)[:, 0],
+            strain=strain[0],
+            strain_rates=strain[1],
+            clearance=clearance[0],
+            clearance_rates=clearance[1],
         )
 
     def _second(self, changes: list[Rates]) -> _Second | None:

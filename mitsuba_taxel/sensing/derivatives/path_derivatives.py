@@ -100,15 +100,17 @@ def derivatives_of_paths(
             estimates = [_Along(effort, change).estimate(lit) for change in changes]
         values, errors = (np.stack(columns, axis=1) for columns in zip(*estimates, strict=True))
         return Derivatives(
-            tuple(change.name for change in changes),
-            tuple(unit_of(change.unit) for change in changes),
-            values,
-            errors,
-            powers.mean(axis=0),
-            standard_error(powers),
-            *strain,
-            *clearance,
-            BY_PATHS,
+            parameters=tuple(change.name for change in changes),
+            units=tuple(unit_of(change.unit) for change in changes),
+            values=values,
+            standard_errors=errors,
+            power=powers.mean(axis=0),
+            power_errors=standard_error(powers),
+            strain=strain[0],
+            strain_rates=strain[1],
+            clearance=clearance[0],
+            clearance_rates=clearance[1],
+            method=BY_PATHS,
         )
 
 

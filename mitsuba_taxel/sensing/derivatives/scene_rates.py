@@ -306,15 +306,15 @@ def _differences(
             return _with_pad_of(base, parameter.at(value), config)
 
     return Rates(
-        parameter.name,
-        parameter.unit,
-        parameter.value,
-        load,
-        np.where(np.abs(place) > NOISE, place, 0.0),
-        {name: rate for name, rate in material.items() if abs(rate) > NOISE},
-        {name: rate for name, rate in dimensions.items() if abs(rate) > NOISE},
-        values if beside_pad else [],
-        at,
+        name=parameter.name,
+        unit=parameter.unit,
+        value=parameter.value,
+        load=load,
+        place=np.where(np.abs(place) > NOISE, place, 0.0),
+        material={name: rate for name, rate in material.items() if abs(rate) > NOISE},
+        pad={name: rate for name, rate in dimensions.items() if abs(rate) > NOISE},
+        beside=values if beside_pad else [],
+        at=at,
     )
 
 
