@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from importlib import import_module
 from pathlib import Path
 
 from forked_script import run_script
 
-PAGES = Path(__file__).parents[2] / "docs" / "develop"
+ROOT = Path(__file__).parents[2]
+PAGES = ROOT / "docs" / "develop"
+MOST = 8
+"""Fields of a record that may be built by position."""
 
 
 def test_what_the_way_of_a_reading_names_exists():
@@ -41,3 +45,26 @@ def test_recipes_run(tmp_path):
     )
     assert done.returncode == 0, done.stdout
     assert "power [W]" in done.stdout
+
+
+def fields_of(node):
+    return [part for part in node.body if isinstance(part, ast.AnnAssign) and "ClassVar" not in ast.dump(part)]
+
+
+def test_large_records_are_built_by_the_names_of_their_fields():
+    """In the files that name one: classes of fields alone, and calls of their names."""
+    files = [file for room in ("mitsuba_taxel", "plugins") for file in (ROOT / room).rglob("*.py")]
+    texts = {file: text for file in files if "@dataclass" in (text := file.read_text()) or "NamedTuple)" in text}
+    classes = [node for text in texts.values() for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ClassDef)]
+    large = {node.name for node in classes if len(fields_of(node)) > MOST}
+    assert len(large) > 30 and "State" in large
+    any_large = re.compile(rf"\b({'|'.join(large)})\(")
+    calls = [
+        (str(file.relative_to(ROOT)), node)
+        for file in files
+        if any_large.search(text := file.read_text())
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in large
+    ]
+    assert len(calls) > 60
+    assert [(file, call.lineno, call.func.id) for file, call in calls if len(call.args) > 4] == []
