@@ -158,11 +158,12 @@ class _Pattern:
     def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
         # Indices of 32 bits and factors of 8 halve the memory of the patterns of large pads.
         unknown = numbering.unknown.astype(np.int32)
-        first, second = unknown[sparsity.rows], unknown[sparsity.columns]
+        rows, columns = sparsity.degrees_of_freedom()
+        first, second = unknown[rows], unknown[columns]
         self._size = numbering.displacements + numbering.pressures
-        self._kept = np.flatnonzero((first >= 0) & (second >= 0) & sparsity.lower).astype(np.int32)
+        self._kept = np.flatnonzero((first >= 0) & (second >= 0) & (rows >= columns)).astype(np.int32)
         first, second = first[self._kept], second[self._kept]
-        rows, columns = sparsity.rows[self._kept], sparsity.columns[self._kept]
+        rows, columns = rows[self._kept], columns[self._kept]
         low, high = np.minimum(first, second), np.maximum(first, second)
         column, self._indices, self._target = equal_pairs(low, high, self._size)
         count = np.bincount(column, minlength=self._size)
@@ -187,19 +188,20 @@ class _RotationPattern(_Pattern):
     def __init__(self, sparsity: Sparsity, numbering: Numbering) -> None:
         super().__init__(sparsity, numbering)
         assert numbering.rotation is not None
-        self._rotation, self._numbering, self._count = numbering.rotation, numbering, len(sparsity.rows)
+        self._rotation, self._numbering, self._count = numbering.rotation, numbering, sparsity.entries
         nodes, turning, degrees = self._rotation.nodes, self._rotation.unknowns, len(numbering.unknown)
         self._degrees = (3 * nodes[:, None] + np.arange(3)).ravel()
         place = np.full(degrees, -1)
         place[self._degrees] = np.arange(len(self._degrees))
 
         # Rows of the full symmetric matrix at the plate: entries of the lower triangle, and their transposes.
-        row, column = place[sparsity.rows], place[sparsity.columns]
-        below = np.flatnonzero(sparsity.lower & (row >= 0))
-        above = np.flatnonzero(sparsity.lower & (column >= 0) & (sparsity.rows != sparsity.columns))
+        of_row, of_column = sparsity.degrees_of_freedom()
+        row, column = place[of_row], place[of_column]
+        below = np.flatnonzero((of_row >= of_column) & (row >= 0))
+        above = np.flatnonzero((of_row > of_column) & (column >= 0))
         self._at_plate = np.concatenate([below, above])
         self._places = np.concatenate([row[below], column[above]])
-        self._others = np.concatenate([sparsity.columns[below], sparsity.rows[above]])
+        self._others = np.concatenate([of_column[below], of_row[above]])
 
         # The pattern: that of the elements, the unknowns beside the plate, and the rotation itself.
         unknown = numbering.unknown[self._others]

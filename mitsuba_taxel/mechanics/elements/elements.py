@@ -129,7 +129,9 @@ class Elements:
         self.nodes, self.corners = np.take_along_axis(mesh.tets, order, axis=1), mesh.tets[:, :4]
         reference, count = shape_gradients(QUADRATURE_POINTS), len(order)
         self.weight = np.empty((count, len(reference)))
-        self.gradients = np.empty((count, *reference.shape))
+        # One array serves as gradients, and as matrices with one row for each node: it is the largest of a pad.
+        self._by_node = np.empty((count, 10, 3 * len(reference)))
+        self.gradients = np.swapaxes(self._by_node.reshape(count, 10, len(reference), 3), 1, 2)
 
         def fill(start: int) -> None:
             here = slice(start, start + ELEMENTS_AT_ONCE)
@@ -145,7 +147,6 @@ class Elements:
             self.gradients[here] = np.take_along_axis(np.moveaxis(gradients, 2, 0), order[here, None, :, None], axis=2)
 
         in_turns(fill, count)
-        self._by_node = np.swapaxes(self.gradients, 1, 2).reshape(count, 10, -1)
 
     def evaluate(
         self,

@@ -28,10 +28,8 @@ class Sparsity:
 
     Attributes
     ----------
-    rows, columns : (E,) ndarray of int32
-        Degree of freedom of each of E entries: 3 of each node, then one of each corner.
-    lower : (E,) ndarray
-        Whether it belongs to the lower triangle.
+    entries : int
+        Number E of entries.
     """
 
     def __init__(self, nodes: np.ndarray, corners: np.ndarray, count: int) -> None:
@@ -39,15 +37,26 @@ class Sparsity:
         self._blocks = _Merged(nodes[:, PAIRS[1]], nodes[:, PAIRS[0]], count)
         self._mixed = _Merged(corners[:, :, None], nodes[:, None, :], count)
         self._pressures = _Merged(corners[:, :, None], corners[:, None, :], count)
-        component = np.arange(3, dtype=np.int32)
+        self.entries = 9 * len(self._blocks.keys) + 3 * len(self._mixed.keys) + len(self._pressures.keys)
+
+    def degrees_of_freedom(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and columns of the entries. They are computed anew by each call, because they are needed once, and take
+        as much memory as the entries.
+
+        Returns
+        -------
+        rows, columns : (E,) ndarray of int32
+            Degree of freedom of each entry: 3 of each node, then one of each corner.
+        """
+        component, pressures = np.arange(3, dtype=np.int32), 3 * self._count
         column, row = self._blocks.pairs
         rows = (3 * row[:, None] + np.repeat(component, 3)).ravel()
         columns = (3 * column[:, None] + np.tile(component, 3)).ravel()
         pressure, node = self._mixed.pairs
         first, second = self._pressures.pairs
-        self.rows = np.concatenate([rows, np.repeat(3 * count + pressure, 3), 3 * count + first])
-        self.columns = np.concatenate([columns, (3 * node[:, None] + component).ravel(), 3 * count + second])
-        self.lower = self.rows >= self.columns
+        rows = np.concatenate([rows, np.repeat(pressures + pressure, 3), pressures + first])
+        columns = np.concatenate([columns, (3 * node[:, None] + component).ravel(), pressures + second])
+        return rows, columns
 
     def summed(self, blocks: np.ndarray, mixed: np.ndarray, pressures: np.ndarray) -> np.ndarray:
         """Entries of the sum of element matrices.
@@ -64,7 +73,7 @@ class Sparsity:
         Returns
         -------
         (E,) ndarray
-            Entries in the order of :attr:`rows` and :attr:`columns`.
+            Entries in the order of :meth:`degrees_of_freedom`.
         """
         sums = self._blocks.summed(blocks, 9), self._mixed.summed(mixed, 3), self._pressures.summed(pressures, 1)
         return np.concatenate(sums)
@@ -89,7 +98,8 @@ class _Merged:
         first, second = (array.ravel() for array in np.broadcast_arrays(first, second))
         rows, columns, target = equal_pairs(first, second, size)
         self._size, self.keys = size, rows.astype(np.int64) * size + columns
-        ones, indices = np.ones(len(target)), np.arange(len(target))
+        # Factors of 8 bits and indices of 32: the sums of a large pad take as much memory as its matrix otherwise.
+        ones, indices = np.ones(len(target), dtype=np.int8), np.arange(len(target), dtype=np.int32)
         self._sum = sparse.csr_array((ones, (target, indices)), shape=(len(self.keys), len(target)))
 
     @property

@@ -82,7 +82,7 @@ class SymmetricPart:
         The mirrors that define it.
     source : (N,) ndarray
         The node of the part of which each node of the whole is a mirror image.
-    turn : (N, 3, 3) ndarray
+    turn : (N, 3, 3) ndarray of int8
         Orthogonal matrix that maps the displacement of that node of the part to the displacement of the node of the
         whole.
     """
@@ -110,7 +110,7 @@ class SymmetricPart:
         """For each component of the displacement of the whole pad, the component of the displacement of the part that
         has the same magnitude: its index (N, 3) and sign (N, 3).
         """
-        return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2)
+        return 3 * self.source[:, None] + np.abs(self.turn).argmax(axis=2), self.turn.sum(axis=2, dtype=np.int8)
 
     def element_images(self, whole: VolumeMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The M elements of the whole mesh, each as the mirror image of an element of the part.
@@ -191,7 +191,7 @@ def part_between(mesh: VolumeMesh, images: Mapping[Mirror, np.ndarray], mirrors:
         source[beyond] = images[mirror][source[beyond]]
         position[beyond] = mirror.image(position[beyond])
     turn, elements = _turns(mesh.points, group), np.flatnonzero(inside)
-    return SymmetricPart(part, nodes, elements, _bounding(mirrors), group, number[source], turn)
+    return SymmetricPart(part, nodes, elements, _bounding(mirrors), group, number[source], turn.astype(np.int8))
 
 
 def _turns(position: np.ndarray, group: Sequence[Mirror]) -> np.ndarray:
