@@ -40,24 +40,39 @@ def weights_section(study: xr.Dataset, own: Mapping[int, float]) -> str:
     ]
     moment = float(study.force[largest] * np.hypot(study.x, study.y)[largest])
     per_moment = float(study.tilt[largest]) / moment
+    answer = (
+        f"The mean slope of the voltages is about {slope.mean():.0f} mV/N, wherever the weight stands. A weight of "
+        f"{float(study.force[largest]):g} N that stands {float(np.hypot(study.x, study.y)[largest]):g} mm off the "
+        f"middle tilts the plate by {float(study.tilt[largest]):.2f}°. This prediction was written before any "
+        "comparison with a measurement."
+    )
     words = (
         f"The tilt is proportional to the moment: {1e3 * per_moment:.1f} thousandths of a degree per N mm. A weight of "
-        f"2.4 N that is 3 to 4 mm off the middle tilts the plate by {2.4 * 3 * per_moment:.2f} to "
-        f"{2.4 * 4 * per_moment:.2f}°; one of 0.35 N by {0.35 * 3 * per_moment:.3f} to {0.35 * 4 * per_moment:.3f}°. "
-        "The mean slope hardly depends on the place of the weight. The stated errors are those of elements and light. "
-        "They leave out the assumptions: the plate covers the whole top and is bonded to it, the silicone and its "
-        "height are those fitted to taxel 13, and all taxels have its sensitivity. Pressed themselves, taxels "
-        f"{' / '.join(map(str, own))} change {' / '.join(f'{ratio:.2f}' for ratio in own.values())} times as much as "
-        "computed."
+        f"2.4 N that stands 3 to 4 mm off the middle tilts the plate by {2.4 * 3 * per_moment:.2f} to "
+        f"{2.4 * 4 * per_moment:.2f}°, and a weight of 0.35 N by {0.35 * 3 * per_moment:.3f} to "
+        f"{0.35 * 4 * per_moment:.3f}°."
+    )
+    errors = (
+        "**Errors** (±) are those of finite elements and light. They do not contain the assumptions: the plate is "
+        "bonded to the whole top, the silicone and its height are those fitted to taxel 13, and all taxels have the "
+        f"sensitivity of that taxel. When they are pressed themselves, taxels {' / '.join(map(str, own))} change "
+        f"{' / '.join(f'{ratio:.2f}' for ratio in own.values())} times as much as computed."
     )
     return f"""\
 ## Dead weights on the whole pad: a prediction
-This section is written before any comparison. Weights of 0.35 to 2.4 N stand on a rigid plate that is bonded to the
-whole top of the pad and tilts freely (`load="plate_wrench"`). Height and modulus of the silicone are those fitted to
-taxel 13; nothing else is fitted. All 25 taxels have the mean voltage at rest, {measured.REST_VOLTAGE:g} V. Slopes are
-changes of the voltage from rest, divided by the weight; the third column has their mean, the fourth their range:
+{paragraph(answer)}
+
+Weights of 0.35 to 2.4 N stand on a rigid plate. The plate is bonded to the whole top of the pad and tilts freely
+(`load="plate_wrench"`). Height and modulus of the silicone are those fitted to taxel 13; nothing else is fitted. All 25
+taxels have the mean voltage at rest, {measured.REST_VOLTAGE:g} V.
+
+The table has a row for each weight and its place. A slope is the change of a taxel's voltage from rest, divided by the
+weight; the third column has the mean over all taxels, the fourth their range. *Sinking* is the downward displacement of
+the plate:
 
 {markdown_table(_HEADS, rows)}
 
 {paragraph(words)}
+
+{paragraph(errors)}
 """

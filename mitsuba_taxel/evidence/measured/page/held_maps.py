@@ -119,16 +119,16 @@ def _causes(maps: Sequence[HeldMapComparison]) -> str:
         ratios = each.ratio[each.placed >= CLEAR]
         share = each.computed.force / measured.HELD_PRESSES[each.taxel].force
         sentences.append(
-            f"while {each.taxel} is held, the {len(ratios)} taxels with at least {CLEAR:g} points change "
+            f"While {each.taxel} is held, the {len(ratios)} taxels with at least {CLEAR:g} points change "
             f"{np.median(ratios):.2f} times as much as computed in the median ({ratios.min():.2f} to "
-            f"{ratios.max():.2f}), and the force is {100 * (share - 1):+.0f} % off"
+            f"{ratios.max():.2f}), and the computed force differs by {100 * (share - 1):+.0f} %."
         )
-    text = "; ".join(sentences)
     return (
-        f"**Relative to rest**, not to the held taxel: {text}. So it is not one taxel that differs. Neither the gain "
-        "of a part, which cancels relative to rest, nor the place of the indenter explains it: the pad around a held "
-        "taxel responds more, or less, at the same force. Of the assumptions in the next table, only collars that hold "
-        "nothing raise the changes at the same force (by a fifth for taxel 13). How firmly the walls are held, and "
-        "whether this differs from place to place, is not published; a map of the height of the pad and of its contact "
-        "with the collars would be needed to decide."
+        "**Relative to rest.** Maps relative to the held taxel do not show whether all taxels change more than "
+        f"computed. {' '.join(sentences)} So the deviation is not that of a single taxel: the pad around a held taxel "
+        "responds more, or less, than computed at the same force. Neither the gain of a part, which cancels relative "
+        "to rest, nor the place of the indenter explains this. Of the assumptions in the next table, only collars that "
+        "hold nothing raise the changes at the same force (by a fifth for taxel 13). It is not published how firmly "
+        "the walls are held, and whether this differs from place to place. To decide, a map of the height of the pad "
+        "and of its contact with the collars would be needed."
     )

@@ -84,15 +84,20 @@ def softening_section(studies: Mapping[int, xr.Dataset], paper_study: xr.Dataset
     ]
     return f"""\
 ## The same loop by Mullins' effect
-The silicone of a first cycle is softer on the way back ([law](theory/mechanics.md#mullins-effect)). The table has the
-loops of **one cell** of that pad below the indenter found above, on elements of {MESH_SIZE:g} mm, to first order in the
-softening; the mean displacement of the roof stands for the voltage, and no light is computed. Widths are in percent, as
-above; m is relative to Young's modulus E. Signs are those that the measured widths suggest: on the way back, the
-voltage is lower at equal travel and higher at equal force. Other causes are added to it, to first order: play of the
-robot or slip of the pad, by which the pad is pressed less at equal travel on the way back; friction of the indenter
-and relaxation, with the widths of the table above. The signs of the voltages by friction are not known.
+{paragraph(_answer(found[0]))}
 
-**Fitted to the four measured widths of taxel {measured.PRESSED}:**
+**What is computed.** A silicone with Mullins' effect is softer on unloading than in its first loading
+([law](theory/mechanics.md#mullins-effect)). The loops are those of **one cell** of the pad under the indenter found
+above, on elements of {MESH_SIZE:g} mm. Three simplifications are made: the softening is computed to first order, the
+mean displacement of the roof represents the voltage, and no light is computed.
+
+**Other causes** are added to Mullins' effect in some rows of the table. With *play* of the robot or *slip* of the pad,
+the pad is pressed less at equal travel on unloading. *Friction* of the indenter and *relaxation* of the silicone have
+the widths of the table above. The sign of the voltage by friction is not known, so that both signs are tried.
+
+**Fitted to taxel {measured.PRESSED}.** A row has the constants r, m (relative to Young's modulus E) and beta that fit
+the four measured widths best, and the widths with these constants, in percent. The width of a voltage is positive if,
+on unloading, the voltage is lower at equal travel or higher at equal force, as the measured widths suggest:
 
 {markdown_table(["Mullins' effect", "r", "m / E", "beta", *_WIDTHS], rows)}
 
@@ -110,13 +115,23 @@ and relaxation, with the widths of the table above. The signs of the voltages by
 """
 
 
+def _answer(alone: LoopExplanation) -> str:
+    can = "can" if alone.miss <= ALLOWED else "**cannot**"
+    return (
+        f"Mullins' effect alone {can} explain the loops: with three fitted constants, it gives the four measured "
+        f"widths to {alone.miss:.2f} percentage points. This is not a proof. Three constants are fitted to four "
+        "numbers, and it is not known whether the recorded cycle was the first one: in later cycles this law has no "
+        "loop."
+    )
+
+
 def _announced(taxels: list[int]) -> str:
     numbers = " and ".join(map(str, taxels))
     return (
-        f"**Predicted** with these constants: the loops of taxels {numbers}, each pressed to its largest force, taxel "
-        f"{softening.CORNER} with the four cells of the corner. Their measured widths are not among the published "
-        f"numbers that this program has, so they are not compared here; {PREDICTED:g} points are the limit of "
-        "agreement:"
+        f"**Predicted for taxels {numbers}** with these constants. Each taxel is pressed to its largest force; taxel "
+        f"{softening.CORNER} is computed with the four cells of the corner. This program has no measured widths of "
+        f"these taxels, so that nothing is compared. A measurement agrees if it differs by at most {PREDICTED:g} "
+        "points:"
     )
 
 
@@ -125,13 +140,10 @@ def _fitted_words(found: list[LoopExplanation], memory: PronyFit) -> str:
     worst = max(alike, key=lambda each: each.miss)
     rest = memory.rubbed.change_at_force + memory.loop.change_at_force
     return (
-        f"With all three constants fitted, Mullins' effect alone meets the four widths to {found[0].miss:.2f} points. "
-        f"{len(alike)} of the {len(found)} rows meet them to {ALLOWED:g} points, the worst of these to "
-        f"{worst.miss:.1f}: explanations that fit equally well. So the widths determine neither beta nor a share of "
-        "friction, play or relaxation. Without Mullins' effect, friction, relaxation and play together make the loop "
-        f"of the voltage at equal force at most {rest:.1f} % wide. This is not a proof of Mullins' effect: three "
-        "constants are fitted to four numbers; it is not known whether the recorded cycle was the first one, and after "
-        "a first cycle this law has no loop."
+        f"{len(alike)} of the {len(found)} rows agree with all four measured widths to {ALLOWED:g} points (the worst "
+        f"of these to {worst.miss:.1f}). These explanations fit equally well. So the widths determine neither beta nor "
+        "the contributions of friction, play and relaxation. Without Mullins' effect, friction, relaxation and play "
+        f"together make the loop of the voltage at equal force at most {rest:.1f} % wide."
     )
 
 
@@ -143,9 +155,9 @@ def _predicted_words(found: list[LoopExplanation]) -> str:
     shown = " and ".join(f"{spread:.1f} points for taxel {taxel}" for taxel, spread in spreads.items())
     apart = max(spreads.values()) > PREDICTED
     return (
-        f"Among the explanations that fit equally well, the predicted widths differ by at most {shown}: their measured "
-        f"loops would {'tell some of them apart' if apart else 'not tell them apart'}. They would test the model as a "
-        "whole, because no constant is left."
+        f"The predictions of the explanations that fit equally well differ by at most {shown}. A measurement of these "
+        f"loops would {'distinguish some of them' if apart else 'not distinguish them'}. It would test the model as a "
+        "whole, because no constant is left to fit."
     )
 
 
@@ -154,15 +166,15 @@ def _creep_words(found: list[LoopExplanation], memory: PronyFit) -> str:
     before, after = softening.creep(memory, 1.0), softening.creep(memory, 1 - 1 / r)
     weights = ", ".join(f"{weight:.3f}" for weight in after.weights)
     return (
-        f"**The record after release.** The softening is at most 1 / r = {100 / r:.0f} %, and a pad at rest is not "
-        "deformed by it. In a linear solid whose long-term spring is softened by as much, the weights of the "
-        f"relaxation times, fitted again, are {weights}, and the voltage after release is met to "
-        f"{100 * after.misfit:.0f} % of the measured values instead of {100 * before.misfit:.0f} %. The force of the "
-        f"first second of the hold is then {after.hold:.3f} instead of {before.hold:.3f} of that at its end; "
-        f"{measured.HOLD_FORCES[0][0] / measured.HOLD_FORCES[-1][0]:.3f} ± "
-        f"{measured.HOLD_FORCES[0][1] / measured.HOLD_FORCES[-1][0]:.3f} was measured. So the record after release and "
-        "the hold agree with Mullins' effect as well as without it. If softening also acts on the relaxing stress, the "
-        "voltage after release does not change."
+        "**The record after release.** The voltage after release and the force during the hold agree with Mullins' "
+        f"effect as well as without it. The softening is at most 1 / r = {100 / r:.0f} %, and it does not deform a pad "
+        "at rest. It was tried in a linear solid whose long-term spring is softened by as much. The weights of the "
+        f"relaxation times, fitted again, are {weights}. Computed voltages after release then differ from the measured "
+        f"ones by at most {100 * after.misfit:.0f} % of these, and by {100 * before.misfit:.0f} % without the effect. "
+        f"The force in the first second of the hold, relative to that at its end, is {after.hold:.3f}, and "
+        f"{before.hold:.3f} without the effect; {measured.HOLD_FORCES[0][0] / measured.HOLD_FORCES[-1][0]:.3f} ± "
+        f"{measured.HOLD_FORCES[0][1] / measured.HOLD_FORCES[-1][0]:.3f} was measured. If the softening also acts on "
+        "the relaxing stress, the voltage after release does not change."
     )
 
 
@@ -171,9 +183,9 @@ def _paper_words(alone: LoopExplanation, study: xr.Dataset) -> str:
     width = softening.hysteresis_under_force(study, (r, m * YOUNGS_MODULUS, beta))
     values = " / ".join(f"{value:g}" for value in measured.MEASURED_HYSTERESIS.values())
     return (
-        f"**The paper's hysteresis** is {values} % for parallelepiped, spherical and hemispheric cells. For one "
-        f"parallelepiped cell of the paper under the force per cell of its experiments, the constants of the first row "
-        f"give {width:.1f} %, if its silicone softens alike. It is not known whether its cycle was a first one. "
-        "For round cells the displacement of the roof does not stand for the reading, which falls and rises: "
-        "they are not predicted."
+        f"**The paper's hysteresis** is {values} % for parallelepiped, spherical and hemispheric cells. The constants "
+        f"of the first row give {width:.1f} % for one parallelepiped cell of the paper, under the force per cell of "
+        "its experiments. This assumes that its silicone softens alike, and that its cycle was a first one, which is "
+        "not known. Round cells are not predicted: their reading falls and rises again under load, so that the "
+        "displacement of the roof does not represent it."
     )
