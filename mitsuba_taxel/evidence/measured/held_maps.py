@@ -30,13 +30,13 @@ MOST_PLACES = 2
 
 
 class ComputedMap(NamedTuple):
-    """Computed results while a taxel is held: the force in N, and the changes (25,) of all taxels relative to rest."""
+    """Computed force in N while a taxel is held, and changes (25,) of all taxels relative to rest."""
 
     force: float
     changes: np.ndarray
 
     def relative_to(self, taxel: int) -> np.ndarray:
-        """Changes of all taxels as a map (5, 5), in percent of the change of one taxel."""
+        """Map (5, 5) in percent of the change of a taxel."""
         return 100 * (self.changes / self.changes[taxel - 1]).reshape(bench_pad.SIDE, bench_pad.SIDE)
 
 
@@ -68,22 +68,20 @@ class HeldMapComparison(NamedTuple):
 
     @property
     def ratio(self) -> np.ndarray:
-        """Measured change divided by computed change (5, 5), each relative to rest. It is NaN where the computed change
-        is small.
-        """
-        computed = np.where(self.shifted < LEAST, np.nan, self.computed.changes[self.taxel - 1] * self.shifted)
+        """Measured divided by computed change (5, 5), each relative to rest; NaN where little is computed."""
+        computed = np.where(self.placed < LEAST, np.nan, self.computed.changes[self.taxel - 1] * self.placed)
         return measured.HELD_PRESSES[self.taxel].change * self.measured / computed
 
 
 def rms(difference: np.ndarray) -> float:
-    """Root mean square of a difference of maps over the 24 taxels that are not held. The map is relative to the held
-    taxel, so that its difference is 0.
-    """
+    """Root mean square of the differences of the 24 taxels that are not held; that of the held one is 0."""
     return float(np.sqrt(np.square(difference).sum() / (difference.size - 1)))
 
 
-def held_map(found: FittedPad, taxel: int, path: xr.Dataset) -> HeldMapComparison:
-    """Compare the measured map of a held taxel with the computed one.
+def held_map(
+    found: FittedPad, taxel: int, path: xr.Dataset, pressed_at: Callable[[np.ndarray, float], xr.Dataset]
+) -> HeldMapComparison:
+    """Compare the map of a held taxel.
 
     Parameters
     ----------
@@ -106,7 +104,7 @@ def held_map(found: FittedPad, taxel: int, path: xr.Dataset) -> HeldMapCompariso
     travel = found.travel(record.travel)
     measured_map = np.array(record.changes, dtype=float)
     centred = _at(path, travel, found.modulus).relative_to(taxel)
-    tried = []
+    tried: list[HeldMapComparison] = []
     place, start = place_of(centred, measured_map, taxel), np.zeros(2)
     while len(tried) < MOST_PLACES and np.linalg.norm(place - start) > SETTLED:
         study = pressed_at(place, travel)
@@ -119,20 +117,21 @@ def held_map(found: FittedPad, taxel: int, path: xr.Dataset) -> HeldMapCompariso
 
 
 def _at(path: xr.Dataset, travel: float, modulus: float) -> ComputedMap:
-    """Force and changes at a travel of the indenter, interpolated by splines over a load path that starts at rest."""
+    """Force and changes at a travel, by splines over the travels of a load path that start at rest."""
     knots = np.insert(path.travel.values, 0, 0.0)
     values = np.vstack([np.zeros(bench_pad.SIDE**2 + 1), np.column_stack([path.force, path.change])])
     force, *changes = CubicSpline(knots, values)(travel)
     return ComputedMap(modulus * float(force), np.array(changes))
 
 
-def place_of(centred: np.ndarray, measured_map: np.ndarray, taxel: int) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate the position (x, y) in mm of an indenter relative to the middle of the held taxel, from the measured
-    map. Also returns the map ``centred``, shifted to this position.
+def place_of(
+    computed: np.ndarray, measured_map: np.ndarray, taxel: int, place: np.ndarray | None = None
+) -> np.ndarray:
+    """Position (x, y) of an indenter relative to the middle of the held taxel in mm, from the measured map.
 
     The change of a taxel at the distance r from the indenter is taken as proportional to exp(a r^2 + b r^4), with a and
-    b from the computed map ``centred`` of an indenter above the middle. Differences between taxels of that map that do
-    not depend on the distance are kept.
+    b from the map ``computed`` of an indenter at ``place``, by default above the middle. The differences between taxels
+    of that map that do not depend on the distance alone are kept.
     """
     place = np.zeros(2) if place is None else place
     sites = np.array([bench_pad.centre_of(number) for number in range(1, measured_map.size + 1)])

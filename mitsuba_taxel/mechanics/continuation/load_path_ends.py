@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -87,11 +88,11 @@ class LoadPathEnds(ComputationError):
         words, contact = str(self), self.contact
         if contact is not None:
             place = np.array(contact.place)
-            stated = f"near ({_listed(place)}) mm"
+            stated = f"near ({listed(place)}) mm"
             for mirror in mirrors:
                 place = mirror.image(place)
             contact = replace(contact, place=tuple(place.tolist()))
-            words = words.replace(stated, f"near ({_listed(place)}) mm", 1)
+            words = words.replace(stated, f"near ({listed(place)}) mm", 1)
             if words.count("near (") > 1:
                 return None
         elif "near (" in words:

@@ -18,21 +18,21 @@ CLEAR = 10.0
 """Computed change, in percent of that of the held taxel, from which ratios are averaged."""
 
 
-def maps_section(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> str:
-    """The section of the page of measured sensors on held taxels, from their maps, and the computed map (5, 5) while
-    the middle taxel is held.
-    """
-    numbers = " and ".join(str(each.taxel) for each in maps)
+def maps_section(maps: Sequence[HeldMapComparison], own: Mapping[int, float]) -> str:
+    """The section of the page, from the maps of held taxels, and the sensitivities ``own`` of taxels that were pressed
+    themselves, relative to the computed ones."""
+    numbers = ", ".join(str(each.taxel) for each in maps)
     return f"""\
 ### All taxels while taxels {numbers} are held
-Predicted with what taxel {measured.PRESSED} gave, except for the place of the indenter, which is not published and is
-fitted to each map (two numbers for 24). The maps are computed by finite elements for these places, at the travel of the
-hold. They are in percent of the change of the held taxel: measured / computed, arranged as on the board.
+{paragraph(_verdict(maps))}
+
+The model is the one fitted to taxel {measured.PRESSED}. The place of the indenter is not published; it alone is fitted
+to each map (two numbers for 24 taxels). The maps are computed by finite elements for these places, at the travel of the
+hold. A number is the change of a taxel in percent of that of the held taxel: measured / computed, arranged as on the
+board.
 
 {"".join(_map(each) for each in maps)}
 {markdown_table(["held taxel", "place", "rms", "largest difference"], _errors(maps))}
-
-{paragraph(_verdict(maps))}
 
 {paragraph(_scatter(maps, own))}
 
@@ -111,9 +111,7 @@ def _scatter(maps: Sequence[HeldMapComparison], own: Mapping[int, float]) -> str
 
 
 def _causes(maps: Sequence[HeldMapComparison]) -> str:
-    """Sentences about possible causes of changes that are larger than computed in the whole neighbourhood of the
-    indenter.
-    """
+    """Sentences about changes that are larger than computed around a whole press."""
     sentences = []
     for each in maps:
         ratios = each.ratio[each.placed >= CLEAR]
