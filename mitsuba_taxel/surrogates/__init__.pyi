@@ -8,6 +8,8 @@ from .contact_export import export_contact as export_contact
 from .contact_export import read_contact_model as read_contact_model
 from .contact_export import write_contact_model as write_contact_model
 from .contact_fit import contact_model as contact_model
+from .contact_friction import FrictionPads as FrictionPads
+from .contact_friction import FrictionReadings as FrictionReadings
 from .contact_inputs import depth_maps as depth_maps
 from .contact_inputs import force_maps as force_maps
 from .contact_readings import ContactModel as ContactModel

@@ -44,12 +44,16 @@ UNITS = {
     "largest_depth": "mm",
     "places": "mm, lowest and highest centre of pressure, x and y",
     "lateral": "mm/N, mean displacement of a covered patch along x and y by a force on each",
+    "tangential": "mm/N, mean displacement of a covered patch along x and y by a force along x and y on each",
+    "tangential_gradient": "W/N, by the force along x and y on each covered patch",
     "second_reading": "1, of a constant, the relative change, depth over height, and force by mean compliance over it",
     "second_force": "1, of a constant, depth over height, root of area over it, and depth by distance² over its cube",
     "second_largest": "1, largest features of the force in the fit: one, and the three of second_force",
     "second_side": "1, ratio of the tangential force to that of the slope of bodies",
 }
 """Arrays of a file, with their units."""
+OF_FILES = ("lateral", "tangential", "tangential_gradient")
+"""Arrays that only .npz files have."""
 STATUS = (
     "0 within the range of the model, otherwise a sum of 1 for a depth that is not a number, 2 for one beyond that of "
     "the model, 4 for a centre of pressure beyond its places, 8 for contact of few patches, 16 for contact that was "
@@ -68,6 +72,7 @@ def export_contact(
     spacing: float | None = None,
     mesh_size: float | None = None,
     most: int = MOST,
+    friction: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ContactModel, list[str]]:
     """Write a contact model of a scene's pad, for bodies of any shape, with its error on bodies that were left out of
@@ -95,6 +100,8 @@ def export_contact(
         Sides of the patches, and size of the finite elements in mm; see :func:`contact_model`.
     most : int
         Largest number of bodies.
+    friction : bool
+        Whether the model has tangential compliances, for `FrictionPads`.
     progress : Callable[[int, int], None], optional
         Called with (patches or bodies done, all of them).
 
@@ -117,7 +124,9 @@ def export_contact(
         raise refusal("error", error, "a number above 0 and below 1 is needed")
     if not (is_whole(most) and most >= FIRST):
         raise refusal("most", most, f"a whole number of bodies of at least {FIRST} is needed")
-    model = contact_model(scene, depth, spacing=spacing, mesh_size=mesh_size, progress=progress)
+    model = contact_model(
+        scene, depth, spacing=spacing, mesh_size=mesh_size, friction=friction, progress=progress
+    )
     states = StateFile(file.with_suffix(".states.json"), model)
     solve = _solver(scene)
 
@@ -226,10 +235,10 @@ def write_contact_model(model: ContactModel, file: str | Path, about: dict[str, 
     arrays: dict[str, Any] = {
         name.name: np.asarray(getattr(model, name.name))
         for name in fields(model)
-        if name.name not in ("second", "errors", "lateral")
+        if name.name not in ("second", "errors", *OF_FILES)
     }
-    if file.suffix == ".npz" and model.lateral is not None:
-        arrays["lateral"] = model.lateral
+    if file.suffix == ".npz":
+        arrays |= {name: getattr(model, name) for name in OF_FILES if getattr(model, name) is not None}
     if model.second is not None:
         arrays |= {f"second_{name}": np.asarray(values) for name, values in model.second._asdict().items()}
     text = {

@@ -30,6 +30,7 @@ def contact_model(
     *,
     spacing: float | None = None,
     mesh_size: float | None = None,
+    friction: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> ContactModel:
     """Create a linear contact model: the readings of a pad under bodies of any shape that press on its top.
@@ -49,6 +50,8 @@ def contact_model(
         the radius of the smallest contact is needed.
     mesh_size : float, optional
         Size of the finite elements in mm; by default 1.3 times that of the patches.
+    friction : bool
+        Whether forces along x and y on each patch are solved, too, for `FrictionPads`; this takes three times as long.
     progress : Callable[[int, int], None], optional
         Called with (patches done, all patches).
 
@@ -92,14 +95,25 @@ def contact_model(
         raise InputError(f"taxel {dark[0] + 1} receives no light at rest, so that its reading has no relative change.")
 
     # One back-solve for each patch gives its column of the compliance, and its part of the gradient.
-    compliance, gradient, lateral = [], [], []
-    for done, displacement in enumerate(patch_responses(linearise(state), weights), start=1):
+    linear, compliance, gradient, lateral = linearise(state), [], [], []
+    for done, displacement in enumerate(patch_responses(linear, weights), start=1):
         compliance.append(-(weights @ displacement[:, 2]))
         gradient.append(light.along(displacement))
         lateral.append(weights @ displacement[:, :2])
         if progress is not None:
             progress(done, weights.shape[0])
-    matrix = np.array(compliance)
+    matrix, tangential, tangential_gradient = np.array(compliance), None, None
+    if friction:
+        # Sideways forces bend roofs inwards on one side and outwards on the other: the mean of both directions.
+        moves, changes = [], []
+        for direction in np.eye(3)[:2]:
+            for displacement in patch_responses(linear, weights, direction):
+                moves.append(weights @ displacement[:, :2])
+                changes.append(0.5 * (light.along(displacement) - light.along(-displacement)))
+        patches = weights.shape[0]
+        sideways = np.array(moves).transpose(2, 1, 0).reshape(2 * patches, 2 * patches)
+        tangential = (0.5 * (sideways + sideways.T)).reshape(2, patches, 2, patches)
+        tangential_gradient = np.array(changes).T.reshape(-1, 2, patches)
     return ContactModel(
         x=grid.x,
         y=grid.y,
@@ -112,6 +126,8 @@ def contact_model(
         largest_depth=float(depth),
         places=_inner_places(grid),
         lateral=np.array(lateral).transpose(2, 1, 0),
+        tangential=tangential,
+        tangential_gradient=tangential_gradient,
     )
 
 
@@ -132,3 +148,8 @@ def _refuse_other_pads(pad: PadShape) -> None:
             raise InputError(f"a model of contact has no memory: remove {name} from the pad.")
     if pad.load.self_contact:
         raise InputError("a model of contact leaves out contact of the pad with itself: remove self_contact.")
+    if pad.load.indenter is not None and pad.load.indenter.friction:
+        raise InputError(
+            "a model of contact leaves out the friction of the scene's indenter: remove indenter_friction. FrictionPads "
+            "has friction, for models made with friction=True."
+        )

@@ -154,6 +154,11 @@ class ContactModel(Displayed):
         Errors on bodies that were left out, `LearntErrors`; None for a linear model, whose error is not known.
     lateral : (2, M, M) ndarray or None
         Mean displacement of each patch along x and y in mm, per N on each; None if it is not known.
+    tangential : (2, M, 2, M) ndarray or None
+        Mean displacement of each patch along x and y in mm, per N along x and y on each; None for a model without
+        friction.
+    tangential_gradient : (T, 2, M) ndarray or None
+        Change of the readings in W per N along x and y on each patch; None for a model without friction.
     """
 
     x: np.ndarray
@@ -169,6 +174,8 @@ class ContactModel(Displayed):
     second: SecondOrder | None = None
     errors: LearntErrors | None = None
     lateral: np.ndarray | None = None
+    tangential: np.ndarray | None = None
+    tangential_gradient: np.ndarray | None = None
 
     @property
     def points(self) -> np.ndarray:

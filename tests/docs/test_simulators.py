@@ -37,7 +37,7 @@ def page(tmp_path, monkeypatch):
     write_contact_model(replace(linear_model(), places=np.array([[-1.0, -1.0], [1.0, 1.0]])), "contact.npz")
     names: dict = {}
     blocks = dict(BLOCK.findall(PAGE.read_text(encoding="utf-8")))
-    for caption in ("depth_maps.py", "tactile.py", "contacts.py", "imperfect.py"):
+    for caption in ("depth_maps.py", "tactile.py", "slide.py", "contacts.py", "imperfect.py"):
         exec(blocks[caption].replace("PADS, STEP = 4096", "PADS, STEP = 3"), names)
     return names
 
@@ -75,6 +75,27 @@ def test_the_tactile_sensor_has_the_depth_and_the_slip_of_a_ball(page, ball):
     np.testing.assert_allclose(shortest, radius - np.sqrt(squares + (radius - depth) ** 2), atol=1e-6)
     assert (slip[:, ~below] == 0).all()
     np.testing.assert_allclose(slip[:, below].T, np.tile(np.abs(speed[:2]), (below.sum(), 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize("turning", [(0.0, 0.0, 0.0), (0.7, -1.1, 2.0)])
+def test_the_slide_of_a_ball_is_how_its_points_move_over_a_pad_that_moves(page, turning):
+    """Differences of the places of points of both bodies in the frame of the pad, a microsecond later."""
+    text = HAND.format(radius=4e-3).replace('euler="20 50 70">', 'euler="20 50 70"><freejoint/>')
+    model = mujoco.MjSpec.from_string(text).compile()
+    data, pad, tiny = mujoco.MjData(model), page["pad"], 1e-6
+    data.qpos[7:10] = [0.101, 0.2, 0.31]
+    data.qvel[:] = [0.02, -0.05, 0.01, 0.3, -0.2, 0.4, -0.03, 0.04, 0.02, *turning]
+    mujoco.mj_forward(model, data)
+    frame, ball = data.body("pad"), data.body("ball")
+    own = 1e-3 * pad.points @ frame.xmat.reshape(3, 3).T + frame.xpos
+    of_ball = (own - ball.xpos) @ ball.xmat.reshape(3, 3)
+    found = page["slide"](model, data, "pad", "ball", 0.01)
+    mujoco.mj_integratePos(model, data.qpos, data.qvel, tiny)
+    mujoco.mj_kinematics(model, data)
+    later = of_ball @ ball.xmat.reshape(3, 3).T + ball.xpos
+    moved = (later - frame.xpos) @ frame.xmat.reshape(3, 3) - 1e-3 * pad.points
+    expected = np.moveaxis(1e3 * moved[..., :2] * 0.01 / tiny, -1, 0)
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("radius", [2.0, 4.0])

@@ -140,6 +140,7 @@ def test_what_is_beyond_the_model_is_flagged_for_each_pad(model, monkeypatch):
         ({"force": (0, 0, -0.1)}, "the pad at rest: set the load"),
         ({"material": Viscoelastic(SILICONE, ((0.3, 1.0),))}, "remove prony"),
         ({"material": Mullins(SILICONE, 2.0, 0.01)}, "remove mullins"),
+        ({"load": IndenterDisplacement(Indenter(radius=2.0, friction=0.5))}, "remove indenter_friction"),
         ({"roof": Wall("mirror")}, "random paths|diffuse|mirror|reflect"),
     ],
 )

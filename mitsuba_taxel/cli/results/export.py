@@ -29,6 +29,11 @@ from ..options import Fraction, NewFile, debug_option, defines_option, json_opti
     "--spacing", type=float, metavar="MM", show_default="1/15 of the longer side",
     help="With --contact: grid spacing of the depth map, in mm.",
 )  # fmt: skip
+@click.option(
+    "--friction", is_flag=True,
+    help="With --contact: the .npz file also has tangential compliances, for `FrictionPads`; the linear part takes about "
+    "four times as long.",
+)  # fmt: skip
 @defines_option
 @json_option
 @debug_option
@@ -41,6 +46,7 @@ def command(
     depth: float | None,
     error: float | None,
     spacing: float | None,
+    friction: bool,
     defines: dict[str, str],
     as_json: bool,
 ) -> None:
@@ -58,15 +64,19 @@ def command(
     converted, and nothing is computed again.
     """
     if contact and source.suffix == ".npz":
-        given = {"--depth": depth, "--error": error, "--spacing": spacing, "-D": defines or None}
+        given = {"--depth": depth, "--error": error, "--spacing": spacing, "--friction": friction or None}
+        given["-D"] = defines or None
         _convert_contact(ctx, source, output, given, as_json)
         return
     if contact:
         if depth is None:
             raise click.UsageError("--contact needs --depth, the largest depth in mm.", ctx)
-        _export_contact(ctx, source, output, depth, error or 0.01, spacing, defines, as_json)
+        if friction and output is not None and output.suffix != ".npz":
+            raise click.UsageError(f"--friction needs an .npz file: models in {output.suffix} have no friction.", ctx)
+        _export_contact(ctx, source, output, depth, error or 0.01, spacing, friction, defines, as_json)
         return
-    given = {"--depth": depth, "--error": error, "--spacing": spacing, "-D": defines or None}
+    given = {"--depth": depth, "--error": error, "--spacing": spacing, "--friction": friction or None}
+    given["-D"] = defines or None
     for name, value in given.items():
         if value is not None:
             raise click.UsageError(f"{name} needs --contact.", ctx)
@@ -116,6 +126,7 @@ def _export_contact(
     depth: float,
     error: float,
     spacing: float | None,
+    friction: bool,
     defines: dict[str, str],
     as_json: bool,
 ) -> None:
@@ -127,7 +138,13 @@ def _export_contact(
     output = output or Path("contact.npz")
     with progress_bar("patches, then bodies") as progress:
         model, notes = export_contact(
-            Scene(scene, defines), output, depth, error=error, spacing=spacing, progress=progress
+            Scene(scene, defines),
+            output,
+            depth,
+            error=error,
+            spacing=spacing,
+            friction=friction,
+            progress=progress,
         )
     rows, columns = model.covered.shape
     if as_json:

@@ -7,7 +7,7 @@ weights (J. C. Maxwell, Phil. Mag. 27, 1864).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,7 +114,9 @@ def top_grid(mesh: VolumeMesh, spacing: float) -> tuple[TopGrid, sparse.csr_arra
     return TopGrid(x, y, (width, depth), float(high[2]), covered), sparse.csr_array(sparse.vstack(kept))
 
 
-def patch_responses(linear: LinearisedState, weights: sparse.csr_array) -> Iterator[np.ndarray]:
+def patch_responses(
+    linear: LinearisedState, weights: sparse.csr_array, direction: Sequence[float] | np.ndarray = (0.0, 0.0, -1.0)
+) -> Iterator[np.ndarray]:
     """Displacement of the pad, to first order, when 1 N is spread over one patch of the top; for each patch in turn.
 
     Parameters
@@ -123,14 +125,14 @@ def patch_responses(linear: LinearisedState, weights: sparse.csr_array) -> Itera
         The linearised pad, whose top is free.
     weights : (m, N) csr_array
         Weights from :func:`top_grid`.
+    direction : (3,) array_like
+        Unit vector along the forces; by default downwards.
 
     Yields
     ------
     (N, 3) ndarray
-        Displacement of each node, in mm per N; the force points along -z.
+        Displacement of each node, in mm per N.
     """
     for first in range(0, weights.shape[0], AT_ONCE):
         rows = weights[first : first + AT_ONCE].toarray()
-        forces = np.zeros((len(rows), *linear.displacement.shape))
-        forces[..., 2] = -rows
-        yield from linear.by_many_forces(forces)
+        yield from linear.by_many_forces(rows[..., None] * np.asarray(direction))
