@@ -69,7 +69,7 @@ def test_a_held_taxel_is_compared_at_its_place_and_at_the_travel_from_the_first_
     text = " ".join(maps_section([compared], {17: 1.3, 5: 1.0}).split())
     assert f"{compared.place[0]:+.2f} mm along x and {compared.place[1]:+.2f} mm along y" in text
     assert "the map of taxel 17 is within the target" in text
-    assert "the force is -8 % off" in text
+    assert "the computed force differs by -8 %" in text
 
 
 def test_the_place_is_corrected_once_and_the_better_map_is_kept(monkeypatch):
