@@ -13,7 +13,7 @@ from mitsuba_taxel.backend import activate_variant
 from mitsuba_taxel.backend.plugin_objects import kind_of
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.kernels.paths.taxel_integrators import traces_taxels
-from mitsuba_taxel.kernels.protocols import PadShape, is_led, is_pad, is_phototransistor
+from mitsuba_taxel.kernels.protocols import PadShape, is_pad, is_phototransistor
 from mitsuba_taxel.pads.regions import REGIONS
 from mitsuba_taxel.sensing.scene.description import Scene
 from mitsuba_taxel.sensing.scene.parsing import parser_config
@@ -106,8 +106,6 @@ def _camera_of(scene: mi.Scene) -> mi.Sensor:
         raise InputError(f"integrator {kind_of(integrator)} is not allowed: it renders no colours; use path.")
     if not scene.emitters():
         raise InputError("the scene holds no light: at least one emitter is needed.")
-    for emitter in filter(is_led, scene.emitters()):
-        raise InputError(f"{kind_of(emitter)} is not modelled for cameras: use area, spot or point.", emitter)
     return cameras[0]
 
 
