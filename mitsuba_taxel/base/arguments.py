@@ -1,4 +1,4 @@
-"""Checks of arguments; error messages name the parameter."""
+"""Checks of arguments, and a limit of input; error messages name the parameter."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 
 from mitsuba_taxel.base.errors import InputError
+
+MOST_HISTORY = 4000
+"""Largest number of rows of a load history: each step of a path in time contains all earlier rows."""
 
 
 def require(name: str, value: object, kinds: type | tuple[type, ...], needed: str) -> None:

@@ -1,6 +1,9 @@
-"""The two kinds of errors, and detection of interrupts that are wrapped in errors."""
+"""The two kinds of errors, detection of interrupts that are wrapped in errors, and suggestions for misspelt names."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 MOST_LETTERS = 1000
 """Largest length of a message, in characters; values in a message may be of any length."""
@@ -57,3 +60,22 @@ def comes_from_interrupt(error: BaseException | None) -> bool:
         True if the error or one of its causes is a KeyboardInterrupt.
     """
     return error is not None and (isinstance(error, KeyboardInterrupt) or comes_from_interrupt(error.__cause__))
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A suggestion for an unknown name.
+
+    Parameters
+    ----------
+    name : str
+        The unknown name.
+    known : iterable of str
+        Allowed names.
+
+    Returns
+    -------
+    str
+        Text such as " (did you mean pitch?)"; empty if no allowed name is similar.
+    """
+    close = get_close_matches(name, list(known), n=1)
+    return f" (did you mean {close[0]}?)" if close else ""

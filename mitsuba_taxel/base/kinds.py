@@ -4,15 +4,14 @@ class is defined."""
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Iterable, Mapping
 from importlib import import_module
 from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mitsuba_taxel.base.annotations import annotations_of
-from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.spelling import did_you_mean
+from mitsuba_taxel.base.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -157,3 +156,26 @@ def _missing_members(cls: type) -> list[str]:
         if "ClassVar" in annotation and not name.startswith("_") and not hasattr(cls, name)
     }
     return sorted(_abstract_methods(cls) | annotated)
+
+
+def annotations_of(class_: type) -> dict[str, str]:
+    """Source text of the annotations of a class, without those of its base classes.
+
+    Python 3.14 evaluates annotations when they are read, which fails for names that only type checkers import. The
+    source text of annotations is therefore returned in every version.
+
+    Parameters
+    ----------
+    class_ : type
+        Any class.
+
+    Returns
+    -------
+    dict[str, str]
+        The annotations as text, by name.
+    """
+    if sys.version_info >= (3, 14):
+        from annotationlib import Format, get_annotations
+
+        return get_annotations(class_, format=Format.STRING)
+    return {name: str(annotation) for name, annotation in inspect.get_annotations(class_).items()}

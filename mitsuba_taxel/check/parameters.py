@@ -10,8 +10,7 @@ import mitsuba as mi
 from mitsuba_taxel.backend import plugin_kind
 from mitsuba_taxel.backend.libraries import check_plugin_types
 from mitsuba_taxel.base.caches import kept
-from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.spelling import did_you_mean
+from mitsuba_taxel.base.errors import InputError, did_you_mean
 from mitsuba_taxel.check.document import ELEMENTS, KINDS, Element, filled_in, used_names
 from mitsuba_taxel.check.finding import Finding
 from mitsuba_taxel.sensing.scene.left_out import used_by

@@ -11,10 +11,9 @@ from dataclasses import Field, dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from mitsuba_taxel.base.annotations import annotations_of
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.kinds import changes_of_kinds
+from mitsuba_taxel.base.kinds import annotations_of, changes_of_kinds
 from mitsuba_taxel.parameters.parameter import REQUIRED, Choice, Nested, Number, Parameter, named
 
 

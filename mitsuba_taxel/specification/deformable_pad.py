@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import as_numbers
+from mitsuba_taxel.base.arguments import MOST_HISTORY, as_numbers
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.processes.limits import MOST_HISTORY
 from mitsuba_taxel.mechanics.contact.indenter import Indenter
 from mitsuba_taxel.mechanics.elements.loads import Load
 from mitsuba_taxel.mechanics.history.timed_rows import timed_rows

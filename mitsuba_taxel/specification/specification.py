@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from mitsuba_taxel.backend import plugin_kind
-from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.spelling import did_you_mean
+from mitsuba_taxel.base.errors import InputError, did_you_mean
 from mitsuba_taxel.parameters import Checked, Nested, Parameter, parameters_of, values_of
 
 

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from types import MappingProxyType
 
-from mitsuba_taxel.base.arguments import as_numbers
+from mitsuba_taxel.base.arguments import MOST_HISTORY, as_numbers
 from mitsuba_taxel.base.errors import InputError
-from mitsuba_taxel.base.processes.limits import MOST_HISTORY
 from mitsuba_taxel.base.units import FORCES, HISTORY, LOADS, TIME
 
 
