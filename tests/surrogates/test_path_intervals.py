@@ -72,8 +72,8 @@ def synthetic(paths, random):
     return xr.Dataset({"power": (["x", "fz", "taxel"], power[..., None])}, coords, {"curve": "fz"})
 
 
-@pytest.mark.parametrize("paths", [3, 5, 9])
-def test_calibrations_of_150_studies_contain_nine_tenths_of_the_forces(paths, monkeypatch):
+@pytest.mark.parametrize("paths", [3, 9])
+def test_calibrations_of_100_studies_contain_nine_tenths_of_the_forces(paths, monkeypatch):
     """Fifty studies each: of the forces on a new path, as many as asked; with ranks of rows it was 75 % with three
     paths and 84 % with five."""
     monkeypatch.setattr(calibration, "_fit", straight_line)
