@@ -1,4 +1,8 @@
-"""Set-up of Mitsuba: selection of LLVM and variant, registration of plugins."""
+"""Set-up of Mitsuba: selection of LLVM and variant, registration of plugins.
+
+Input: the name of a variant, or none for the default variant. Output: Mitsuba with an LLVM that loads, in that variant,
+which knows the plugins of this package.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Checks of scenes before rendering: names, units, positions and light."""
+"""Checks of scenes before rendering: names, units, positions and light.
+
+Input: a scene file and values of its parameters, or an installation. Output: findings, each with a severity, a place
+and a remedy, and the schema of scenes.
+"""
 
 import lazy_loader
 

@@ -1,4 +1,8 @@
-"""From optical power to volts and counts: phototransistor, load resistor, buffer, converter, and their noise."""
+"""From optical power to volts and counts: phototransistor, load resistor, buffer, converter, and their noise.
+
+Input: optical power in W and the parameters of a circuit. Output: volts and counts with their errors and noise;
+nothing here knows Mitsuba.
+"""
 
 import lazy_loader
 

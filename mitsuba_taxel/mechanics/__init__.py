@@ -1,4 +1,8 @@
-"""The deformed pad: nearly incompressible finite elements at finite strain, and load paths."""
+"""The deformed pad: nearly incompressible finite elements at finite strain, and load paths.
+
+Input: a pad, a material law, a load and its values. Output: a state of the pad for each value, with displacements,
+forces, largest strain, derivatives and the error of each.
+"""
 
 import lazy_loader
 

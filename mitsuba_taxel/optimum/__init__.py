@@ -1,4 +1,8 @@
-"""Design optimisation within bounds and constraints, with gradients of the whole chain."""
+"""Design optimisation within bounds and constraints, with gradients of the whole chain.
+
+Input: a study file with variables, bounds, a figure of merit and constraints. Output: the best design with multipliers,
+slopes and an estimate of its error, and drawings of its pad.
+"""
 
 import lazy_loader
 

@@ -1,4 +1,8 @@
-"""The silicone pad: shapes of its cells, its dimensions, pads from files, and volume meshes with tagged regions."""
+"""The silicone pad: shapes of its cells, its dimensions, pads from files, and volume meshes with tagged regions.
+
+Input: dimensions of cells and pad in mm, or a file. Output: drawings, volume meshes whose faces have a region and a
+cell, and the velocities of nodes with respect to dimensions.
+"""
 
 import lazy_loader
 

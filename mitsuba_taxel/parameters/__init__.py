@@ -1,4 +1,8 @@
-"""Parameters: fields of dataclasses with allowed values, which are checked when an object is created."""
+"""Parameters: fields of dataclasses with allowed values, which are checked when an object is created.
+
+Input: values from scenes, command lines or Python. Output: objects whose values have been checked, and the descriptions
+from which tables, schema and messages are made.
+"""
 
 from mitsuba_taxel.parameters.checked import Checked, Kinded, check, parameters_of, values_of
 from mitsuba_taxel.parameters.declarations import (

@@ -1,4 +1,8 @@
-"""Scenes, their parts as Python objects, and readings with their error."""
+"""Scenes, their parts as Python objects, and readings with their error.
+
+Input: a scene as XML, as Python objects, or as a dictionary of Mitsuba. Output: readings in W with their errors and
+derivatives, images of cameras, audits of light paths, or a refusal in one line.
+"""
 
 import lazy_loader
 

@@ -1,4 +1,8 @@
-"""Parameters of the plugins: a class per plugin, in a file of its name."""
+"""Parameters of the plugins: a class per plugin, in a file of its name.
+
+Input: a plugin's parameters, as a scene or Python gives them. Output: an object with checked values, the scene's text
+of such an object, and the plugin's reference table.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Batches of scenes over varied parameters, and the store of their results."""
+"""Batches of scenes over varied parameters, and the store of their results.
+
+Input: a scene and the values of its parameters, or a study file. Output: a folder with a dataset of readings and their
+errors, tables, meshes and images, to which an interrupted run returns.
+"""
 
 import lazy_loader
 

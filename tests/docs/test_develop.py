@@ -32,6 +32,15 @@ def test_what_the_way_of_a_reading_names_exists():
             raise AssertionError(name)
 
 
+def test_every_room_states_its_input_its_output_and_its_contents():
+    """As the map of rooms says; the folders of plugins and of scenes have no input, and the program has its help."""
+    rooms = [file for file in (ROOT / "mitsuba_taxel").glob("*/__init__.py") if not file.parent.is_symlink()]
+    texts = {file.parent.name: ast.get_docstring(ast.parse(file.read_text())) or "" for file in rooms}
+    assert len(texts) > 20
+    silent = [room for room, text in texts.items() if not re.search(r"Inputs?\b.*[Oo]utputs?\b", text, re.DOTALL)]
+    assert silent == ["cli"]
+
+
 def test_recipes_run(tmp_path):
     """In one process, each with names of its own."""
     blocks = re.findall(r"```python\n(.*?)```", (PAGES / "recipes.md").read_text(), re.DOTALL)
