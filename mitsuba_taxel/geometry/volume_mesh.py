@@ -9,6 +9,9 @@ import numpy as np
 TET_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))
 """Corners whose edge carries nodes 4 to 9 of a tetrahedron (the order of VTK)."""
 
+NODES = 4 + len(TET_EDGES)
+"""Nodes of a tetrahedron: its corners, and one on each edge."""
+
 TET_FACES = ((0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (0, 3, 2, 7, 9, 6))
 """Nodes of the faces of a tetrahedron, as :class:`VolumeMesh` lists them."""
 

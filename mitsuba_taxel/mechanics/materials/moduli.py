@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-NODES = 10
+from mitsuba_taxel.geometry.volume_mesh import NODES
+
 _A, _B = np.tril_indices(NODES)
 _I, _K = np.divmod(np.arange(9), 3)
 PAIRS = (_A, _B)
