@@ -222,6 +222,22 @@ def rough_command(markdown: Path | None) -> None:
         write_page(rows, markdown, f"taxel bench rough --markdown {markdown}")
 
 
+@command.command("fillets", short_help="Ends of load paths and slopes of boxes with sharp and rounded edges.")
+@markdown_option
+@debug_option
+def fillets_command(markdown: Path | None) -> None:
+    """Print where the load paths of one box end, and its slopes along x, with sharp and rounded edges on elements of
+    several sizes.
+    """
+    from mitsuba_taxel.evidence.domes.fillets import EdgeSlopeRow, EndRow, edge_slopes, ends, write_page
+    from mitsuba_taxel.evidence.rows.row import cells, headings
+
+    ended = _shown(ends(_say), headings(EndRow), partial(map, cells))
+    slopes = _shown(edge_slopes(_say), headings(EdgeSlopeRow), partial(map, cells))
+    if markdown:
+        write_page(ended, slopes, markdown, f"taxel bench fillets --markdown {markdown}")
+
+
 @command.command("parts", short_help="Curves of photo-reflectors beside their datasheets.")
 @markdown_option
 @debug_option
