@@ -54,6 +54,8 @@ class StressCurve:
         Nominal strain and nominal stress in MPa, negative in compression.
     notes : list[str]
         Notes on omitted or converted rows.
+    without_unit : bool
+        Whether the strain has no unit, so that it may be in percent.
     """
 
     file: str
@@ -62,6 +64,7 @@ class StressCurve:
     strain: np.ndarray
     stress: np.ndarray
     notes: list[str] = field(default_factory=list)
+    without_unit: bool = False
 
     @property
     def largest_stretch(self) -> float:
@@ -135,10 +138,11 @@ def read_curve(
         stress = stress / (1 + strain)
     _refuse_signs(what, lines, strain, stress, compression)
     branch, notes = _loading_branch(strain, path.name)
-    is_plain = "stretch" not in strain_column.heading.lower() and _unit_of(table, strain_column) == ("", None)
-    if is_plain and length is None and np.abs(strain).max() > DOUBTFUL_STRAIN:
+    without_unit = "stretch" not in strain_column.heading.lower() and _unit_of(table, strain_column) == ("", None)
+    without_unit &= length is None
+    if without_unit and np.abs(strain).max() > DOUBTFUL_STRAIN:
         notes.append(f"{path.name}: {strain_column.heading} has no unit and is taken as a fraction, not in percent")
-    curve = StressCurve(path.name, mode, lines[branch], strain[branch], stress[branch], notes)
+    curve = StressCurve(path.name, mode, lines[branch], strain[branch], stress[branch], notes, without_unit)
     if len(curve.lines) < LEAST_ROWS:
         raise InputError(
             f"{what}: its loading branch has {len(curve.lines)} rows (from line {curve.lines[0]}): at least "

@@ -15,6 +15,13 @@ from mitsuba_taxel.fitting.material.candidates import CANDIDATES, Candidate
 from mitsuba_taxel.fitting.material.curves import LEAST_ROWS, StressCurve, read_curve
 from mitsuba_taxel.fitting.material.law_fit import LawFit, Tests, fit_law
 from mitsuba_taxel.fitting.material.noise import CurveNoise, curve_noise, refuse_contradictions
+from mitsuba_taxel.fitting.material.plausible import (
+    COARSE,
+    POOR,
+    refuse_contradicting_kinds,
+    refuse_percent,
+    softer_than_all,
+)
 from mitsuba_taxel.fitting.material.relaxation import RelaxationFit, fit_relaxation
 from mitsuba_taxel.mechanics.materials.laws import Material
 
@@ -35,10 +42,6 @@ NEARLY = 1.5
 law."""
 OTHER_MODES = 1.5
 """Largest stretch at which laws are compared in modes without tests."""
-POOR = 3.0
-"""Residuals, relative to the noise, above which a warning states that the best law does not follow the tests."""
-COARSE = 0.1
-"""Residuals, relative to the largest stress, above which a warning states by how much the best law misses the tests."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +214,7 @@ def rank_laws(
     Raises
     ------
     InputError
-        if tests contradict each other, or have too few rows.
+        if tests contradict each other, have too few rows, or have strains that seem to be in percent.
     """
     noises = [curve_noise(curve) for curve in curves]
     warnings = refuse_contradictions(curves, noises)
@@ -227,11 +230,15 @@ def rank_laws(
         fits = [_with_unknown_slacks(fit, with_slacks) for fit in fits]
     reach = max(curve.largest_stretch for curve in curves)
     fits = _ranked([_refused_where_unstable(fit, reach) for fit in fits])
+    refuse_percent(curves, fits[0])
     if fits[0].refusal:
         raise InputError(f"no law follows the tests: {fits[0].candidate.label} is refused, as {fits[0].refusal}")
 
-    # Doubts and notes.
     best = fits[0]
+    refuse_contradicting_kinds(curves, noises, best)
+
+    # Doubts and notes.
+    warnings += softer_than_all(curves, best)
     if best.misfit > POOR:
         row = int(np.argmax(np.abs(best.predicted)))
         index = int(np.searchsorted(tests.ends, row, side="right"))

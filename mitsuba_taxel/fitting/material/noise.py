@@ -64,6 +64,24 @@ def curve_noise(curve: StressCurve, slack: float = 0.0) -> CurveNoise:
     return CurveNoise(deviation, float(deviation.max() / max(np.abs(fitted).max(), 1e-300)), grows, slack)
 
 
+def smooth_curve(curve: StressCurve, slack: float = 0.0) -> np.ndarray:
+    """Stress (N,) in MPa of a smooth curve through the rows of a test, which does not depend on a law.
+
+    Parameters
+    ----------
+    curve : StressCurve
+        Loading branch of a test.
+    slack : float
+        Nominal strain at which the stress begins.
+
+    Returns
+    -------
+    (N,) ndarray
+        Smooth stress.
+    """
+    return _smooth(curve, slack)[0]
+
+
 def _smooth(curve: StressCurve, slack: float = 0.0) -> tuple[np.ndarray, np.ndarray, bool]:
     """Smooth curve through the rows of a test, deviation of each row, and whether the deviation grows with the stress.
     """
@@ -114,7 +132,7 @@ def refuse_contradictions(curves: list[StressCurve], noises: list[CurveNoise]) -
             inside = (np.abs(second.strain) <= reach) & (np.abs(second.strain) > 0.1 * reach)
             if not inside.any():
                 continue
-            smooth = [_smooth(curve)[0] for curve in (first, second)]
+            smooth = [smooth_curve(curve) for curve in (first, second)]
             order = np.argsort(np.abs(first.strain))
             at, known = np.abs(second.strain), np.abs(first.strain)[order]
             other = np.interp(at, known, smooth[0][order])
