@@ -12,9 +12,10 @@ from mitsuba_taxel.evidence.measured.bench_pad import IndenterPress
 from mitsuba_taxel.evidence.measured.pad_fit import FittedPad, PressedTaxel, fit
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 
-INDENTER, START = "sphere", (7.5, 1.05)
-"""End of the rod; first guess of height and radius in mm."""
-PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.1)
+INDENTER, START = "sphere", (8.0, 1.15)
+"""End of the rod; first guess of height and radius in mm. Beside much smaller radii the elements are too large for the
+deepest travels."""
+PREDICTED_TRAVELS = (0.15, 0.3, 0.6, 1.2, 1.65, 1.8, 2.05, 2.1)
 """Travels in mm for the predicted taxels, up to the largest measured force."""
 MAP_TRAVEL = 1.6
 """Travel in mm of the computed map. With an indenter beside the middle, load paths may end before the travel of the

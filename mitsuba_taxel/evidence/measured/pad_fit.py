@@ -129,7 +129,10 @@ def fit(
     pressed: Callable[[float, float], PressedTaxel], measured: PressedTaxel, start: tuple[float, float]
 ) -> FittedPad:
     """Fit height and radius such that the computed curve, ``pressed(height, radius)``, is closest to the measured
-    curve."""
+    curve.
+
+    Load paths that end before the last measured travel guide the search, but are the result only if no path reaches it.
+    """
     curves: dict[tuple[float, ...], PressedTaxel] = {}
 
     def computed(logs: np.ndarray) -> PressedTaxel:
@@ -164,7 +167,10 @@ def fit(
     lates = {key: lateness(curve_k, measured) for key, curve_k in curves.items()}
     errors = {key: residuals(curve_k, measured, lates[key]) for key, curve_k in curves.items()}
     tried = {key: float(np.sqrt(np.mean(values**2))) for key, values in errors.items()}
-    best = min(tried, key=lambda key: tried[key])
+    # A path that ends early has residuals at fewer travels, so that its misfit is not that of the record.
+    reach = measured.travel[-1]
+    complete = {key for key, curve_k in curves.items() if curve_k.travel[-1] >= reach + lates[key]}
+    best = min(complete or tried, key=lambda key: tried[key])
     jacobian = np.asarray(solution.jac)
     spread = np.linalg.pinv(jacobian.T @ jacobian) * 2 * solution.cost / (len(solution.fun) - UNKNOWNS)
     deviations = np.sqrt(np.diag(spread)) * [*best, 1.0]

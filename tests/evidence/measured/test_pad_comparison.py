@@ -97,8 +97,11 @@ def test_the_section_says_what_was_fitted_and_what_misses(tmp_path):
         "-0.30 mm along x",
         "**not within** the target of 10 %",
         "the pad touches itself",
+        "paths reach a travel of 1.92 mm (taxel 13), 1.92 mm (taxel 5) from the first contact; why they end is said",
     ):
         assert words in text
+    complete = " ".join(page_pad.pad_section(found._replace(taxels={13: fitted, 5: fitted}), tmp_path).split())
+    assert "stable states up to the largest computed travels, 1.92 mm (taxel 13)" in complete
     assert "nan" not in text
     assert {file.name for file in tmp_path.iterdir()} == {"pressed.png", "map.png"}
 

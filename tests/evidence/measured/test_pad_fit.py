@@ -42,5 +42,17 @@ def test_a_path_that_ends_early_is_judged_as_far_as_it_goes():
     assert len(residuals(short, there)) == 2 * len(PLACES)
 
 
+def test_a_path_that_ends_early_is_no_result_beside_complete_ones():
+    """Below a radius of 1 mm paths end early, and fit the measured curve as far as they go."""
+
+    def pressed(height, radius):
+        curve = law(height, radius)
+        return curve if radius >= 1 else PressedTaxel(*(values[:5] for values in curve))
+
+    found = fit(pressed, law(8.6, 0.9, PLACES), (7.8, 1.05))
+    assert found.unknowns[1] >= 1 and found.misfit == found.tried[tuple(found.unknowns)]
+    assert min(found.tried.values()) < found.misfit < 0.1
+
+
 def test_unknowns_have_three_digits():
     assert (rounded(8.0049), rounded(0.98765)) == (8.0, 0.988)

@@ -64,10 +64,7 @@ Not modelled are the silicone around the grid below the tops of the collars, fri
 through the silicone, and compliance of the robot.
 
 {"".join(_pressed(taxel, compared) for taxel, compared in results.taxels.items())}
-An earlier version of this program ended the path of taxel 5 at 1.874 mm as unstable, with the same walls, held in the
-same way; its forces and changes before that end differ by up to 0.2 % of the largest from those above. The present
-version finds stable states up to 2.05 mm, for the whole pad and for the four cells of its corner alone. So that end was
-one of the numerical solution: neither a limit of the pad nor an effect of how its walls are held.
+{paragraph(_stable(results))}
 
 {paragraph(_spread(results))}
 
@@ -155,6 +152,19 @@ largest measured value:
 {markdown_table(heads, rows)}
 
 """
+
+
+def _stable(results: PadComparison) -> str:
+    """Sentence about the ends of the load paths."""
+    ended = [taxel for taxel, compared in results.taxels.items() if compared.end]
+    deepest = {taxel: compared.along.travel[-1] + results.found.late for taxel, compared in results.taxels.items()}
+    reached = ", ".join(f"{travel:.2f} mm (taxel {taxel})" for taxel, travel in deepest.items())
+    if ended:
+        return f"Computed paths reach a travel of {reached} from the first contact; why they end is said above."
+    return (
+        f"The pad has stable states up to the largest computed travels, {reached} from the first contact: neither "
+        "buckling nor the way in which its walls are held limits these paths."
+    )
 
 
 def _spread(results: PadComparison) -> str:
