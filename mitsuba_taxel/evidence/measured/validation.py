@@ -178,7 +178,7 @@ taxel; a sensitivity is a mean slope from 0 to 10 N. e_nl is the nonlinearity an
 {markdown_table(heads, rows)}
 
 A ratio is not resolved where readings change by little more than their error: under 10 N, the reading of a hemispheric
-cell falls and rises again.
+cell falls and rises again. Its bound is two standard errors above the computed value.
 
 The computed values are results of loading cycles:
 
@@ -218,4 +218,8 @@ def _sideways(store: PaperStudies, cycles: Mapping[str, xr.Dataset]) -> list[lis
 
 
 def _resolved(value: float, error: float) -> str:
-    return with_error(value, error) if value > error else NOT_RESOLVED
+    """A figure with its error, or a bound of twice its error above it where it is not larger than its error."""
+    if value > error:
+        return with_error(value, error)
+    bound = value + 2 * error
+    return f"{NOT_RESOLVED}, below {bound:.2g}" if np.isfinite(bound) else NOT_RESOLVED

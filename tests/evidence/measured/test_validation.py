@@ -47,6 +47,12 @@ def test_volts_of_a_cycle(loop):
     assert found.hysteresis[0] == pytest.approx(4.0, abs=0.3)
 
 
+def test_a_ratio_that_is_not_resolved_has_a_bound():
+    assert validation._resolved(2.0, 0.5) == "2.00 ± 0.50"
+    assert validation._resolved(2.0, 3.0) == "not resolved, below 8"
+    assert validation._resolved(np.nan, np.nan) == "not resolved"
+
+
 @pytest.fixture
 def sideways(make_study):
     """Readings of nine taxels that change by up to 1 % per N, alike to both sides, by the force's name."""
