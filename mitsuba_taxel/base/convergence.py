@@ -1,7 +1,7 @@
-"""Error of the finite elements from solutions on two meshes (L. F. Richardson, 1911).
+"""Error of the finite elements, estimated from solutions on two meshes (L. F. Richardson, 1911).
 
-If the error is e(h) = c h^p in the element size h, the difference of solutions on elements of r h and of h is
-(r^p - 1) e(h).
+If elements of size h cause the error e(h) = c h^p, the solutions on elements of the sizes r h and h differ by (r^p - 1)
+e(h).
 """
 
 COARSENING = 2.0

@@ -163,8 +163,9 @@ def _modes(count: int) -> np.ndarray:
 
 @kept(8)
 def _resampled(*counts: int) -> list[np.ndarray]:
-    """Bootstrap weights (DRAWS, count) of the replicates of each half, for halves with ``counts`` replicates. The draw
-    is always the same."""
+    """Bootstrap weights (`DRAWS`, count) of the replicates of each half, for halves with ``counts`` replicates. Each
+    call returns the same weights.
+    """
     random = np.random.default_rng(0)
     even = [(count, np.full(count, 1 / count)) for count in counts]
     drawn = [[random.multinomial(*half) / half[0] for half in even] for _ in range(DRAWS)]

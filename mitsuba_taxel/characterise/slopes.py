@@ -171,7 +171,9 @@ def _between(positions: np.ndarray, x: np.ndarray, values: np.ndarray) -> np.nda
 
 
 def _at_zero(run: Branch) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (points,) with which samples near zero force give the derivative at zero force, and these samples."""
+    """Samples near zero force, and the weights (points,) by which they are multiplied and summed to give the slope at
+    zero force.
+    """
     nearest = np.argsort(np.abs(run.force), kind="stable")[:3]
     x = run.force[nearest]
     outside = max(run.force.min(), -run.force.max(), 0.0)

@@ -9,7 +9,7 @@ from mitsuba_taxel.sensing.scene.description import Scene
 
 
 def has_camera(objects: SceneObjects) -> bool:
-    """Whether a scene has a sensor of Mitsuba's own.
+    """Whether a scene has one of Mitsuba's own sensors, such as a camera.
 
     Parameters
     ----------

@@ -234,7 +234,9 @@ class _Maker:
         return obj
 
     def _create(self, obj: SceneObject) -> bool:
-        """Create the instance of an object if possible; returns whether refused parameters were removed for that."""
+        """Create the instance of an object if possible. Returns whether parameters that the plugin refuses had to be
+        removed.
+        """
         # Objects with nested pads, with failed children or of unknown plugins cannot be created.
         for child in obj.children.values():
             if child.plugin == PAD:
@@ -284,7 +286,8 @@ class _Maker:
         return bool(refused)
 
     def _retry(self, obj: SceneObject, props: Any, make: Callable[[Any], Any]) -> Any:
-        """Create an object by ``make`` from its properties, after removal of those that it refuses; None if this fails.
+        """Create an object by ``make`` from its properties. If it is refused, the refused properties are removed, and
+        it is tried again; None if this fails, too.
         """
         dropped: set[str] = set()
         while True:

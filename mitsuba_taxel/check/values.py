@@ -1,4 +1,5 @@
-"""Values that Mitsuba's parser refuses; each is parsed alone, as the parser stops at the first error."""
+"""Values that Mitsuba's parser refuses. Each value is parsed separately, because the parser stops at the first error.
+"""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ LEAST_CONDUCTANCE = 1e-200
 
 
 class Response(NamedTuple):
-    """Response of a circuit to optical powers; all arrays have their shape.
+    """Response of a circuit to optical powers. Each array has the shape of the powers.
 
     Attributes
     ----------

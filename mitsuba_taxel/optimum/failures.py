@@ -45,7 +45,9 @@ def off_failures(
 
 
 def nearest(points: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The nearest points, each (V,), of the convex hulls of ``points`` (N, V) and ``others`` (M, V)."""
+    """Find the points, one in the convex hull of ``points`` (N, V) and one in that of ``others`` (M, V), that are
+    nearest to each other. Returns both, each (V,).
+    """
     heavy = 1e3  # enforces that the weights of either set sum to 1
     sums = heavy * np.repeat(np.eye(2), [len(points), len(others)], axis=1)
     weights, _ = nnls(np.vstack([np.concatenate([points, -others]).T, sums]), [0.0] * points.shape[1] + [heavy] * 2)

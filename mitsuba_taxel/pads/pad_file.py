@@ -134,7 +134,7 @@ class PadFile(Displayed):
         return default_size_of(self)
 
     def mesh(self, mesh_size: float) -> VolumeMesh:
-        """The pad's volume mesh; see `mesh_pad_file`.
+        """Volume mesh of the pad; see `mesh_pad_file`.
 
         Parameters
         ----------

@@ -170,7 +170,9 @@ def _kind_parameters(cls: Any) -> dict[str, Parameter]:
 
 @kept(1024)
 def _current_kind_parameters(cls: Any, _: int) -> dict[str, Parameter]:
-    """Result of `_kind_parameters` by the number of changes of all kinds, as for `_current_parameters`."""
+    """Parameters of the kinds of a family, as from `_kind_parameters`. The second argument is the number of
+    changes of all kinds so far, so that the cache is renewed after a new kind.
+    """
     return _merged(cls, _chosen(cls))
 
 

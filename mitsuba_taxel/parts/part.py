@@ -56,7 +56,7 @@ class Side(Checked):
 
     @property
     def window_centre(self) -> tuple[float, float]:
-        """Centre of the window, x and y in mm."""
+        """Centre of the window above the die, x and y in mm."""
         return (self.x if self.window_x is None else self.window_x, self.y if self.window_y is None else self.window_y)
 
     def moved(self, shift: tuple[float, float, float]) -> Side:

@@ -67,8 +67,10 @@ class ScatteringWalls:
 
 
 class Mesh:
-    """Quadrature points on the walls of a cell, and the pairs of points between which light is exchanged. They follow
-    from the undeformed state and are the same for all loads.
+    """Quadrature points on the walls of a cell, and the pairs of points between which light is exchanged.
+
+    The points at which the response to light is computed are called targets. Points and pairs follow from the
+    undeformed state and are the same for all loads.
 
     Parameters
     ----------

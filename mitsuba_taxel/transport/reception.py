@@ -203,8 +203,9 @@ def radiance(
 
 
 def _cumulative_acceptance(law: AngularLaw) -> tuple[float, Cumulative]:
-    """Integral of response times cosine over all directions, and a function that returns the fraction of it at
-    directions whose cosine is at least a given value."""
+    """Integral of response times cosine over all directions. Also returns a function: the fraction of this integral
+    over directions whose cosine is at least a given value.
+    """
     if isinstance(law, CosineFactor):  # the product is such a law as well, whose integral has a closed form
         product = replace(law, exponent=law.exponent + 1)
         total = float(product.within(np.zeros(1))[0])

@@ -215,8 +215,8 @@ def _deviations(replicates: int, count: int, random: np.random.Generator) -> np.
 
 
 def _bounded(replicates: int, count: int, random: np.random.Generator) -> np.ndarray:
-    """Unit vectors like those of `_deviations`, whose means over the even replicates are uniformly distributed, like
-    errors due to the steps of a converter.
+    """Unit vectors like the result of `_deviations`, but with means over the even replicates that are uniformly
+    distributed, like errors due to the steps of a converter.
 
     A figure of merit, such as a largest slope, is found with two halves of the replicates, whose deviations are
     opposite: one half chooses the point, and the other half is evaluated there. With a normal distribution, the first
@@ -240,7 +240,7 @@ def _chunks(rows: np.ndarray) -> list[np.ndarray]:
 
 
 def _without_line(rows: np.ndarray) -> np.ndarray:
-    """Rows less their mean and, if there are four or more, less their linear trend in time."""
+    """Rows minus their mean. If there are four or more rows, their linear trend in time is subtracted as well."""
     rows = rows - rows.mean(axis=0)
     if len(rows) < 4:
         return rows

@@ -30,7 +30,7 @@ def noise_of(force: np.ndarray) -> float:
 
 
 def middle_of_turn(force: np.ndarray, row: int, noise: float) -> int:
-    """Middle row of those rows in which the force stays at its turning point.
+    """Row in the middle of the rows in which the force stays at its turning point.
 
     Noise places the extremum anywhere within the hold, so that the extremum itself is not used.
 

@@ -109,7 +109,7 @@ class DragRow:
 
     @property
     def deviates(self) -> float:
-        """The larger of the two deviations, each divided by its combined stated error."""
+        """The larger of the deviations of force and roof displacement, each divided by its combined stated error."""
         return max(self.force_off / self.force_stated, self.roof_off / self.roof_stated)
 
     @property

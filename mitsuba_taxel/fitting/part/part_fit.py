@@ -278,8 +278,9 @@ def _minimum(
 def _profiles(
     residual: Callable[[np.ndarray], np.ndarray], best: tuple[np.ndarray, float], free: int, floor: float
 ) -> tuple[list[tuple[float, float]], tuple[np.ndarray, float]]:
-    """Ends of the confidence intervals, scaled from 0 to 1. Also returns the lowest point found on the profiles if it
-    is clearly below ``best``, else ``best``."""
+    """Ends of the confidence intervals of the unknowns, scaled from 0 to 1. Also returns the best point: ``best``, or a
+    point on a profile whose sum of squares is clearly smaller.
+    """
     from scipy.stats import t as student
 
     values, least = best

@@ -77,9 +77,10 @@ class ContactState(NamedTuple):
 
 
 class Indentation:
-    """A rigid indenter and the faces of a mesh that it may touch: those of the top and the outside.
+    """A rigid indenter, and the faces of a mesh that it may touch: the faces of the top and of the outside.
 
-    The contact pressure has m nodal values. A node at which both regions meet has one value on each.
+    The unknown contact pressures belong to nodes: m pressures in all. A node where top and outside meet has one
+    pressure on each.
 
     Parameters
     ----------
@@ -93,15 +94,15 @@ class Indentation:
     Attributes
     ----------
     node : (m,) ndarray
-        Node of each pressure.
+        Number of the node to which each pressure belongs.
     points : (m, 3) ndarray
-        Undeformed position of that node in mm.
+        Undeformed position of this node in mm.
     numbers : (B, 6) ndarray
         Numbers of the pressures at the nodes of each of B faces.
     outside : (m,) ndarray
         1 for a pressure on the outside, 0 on the top.
     area : (m,) ndarray
-        Integral of the linear function of each pressure, mm².
+        Integral of the linear shape function of each pressure over the faces, mm².
     slack : (m,) ndarray
         Penalty compliance: integrated penetration per pressure, mm³/MPa.
     """

@@ -127,6 +127,7 @@ class Indenter(Kinded):
 
     @cached_property
     def body(self) -> IndenterShape:
-        """The rigid body of this kind and these dimensions, whose methods compute distances, symmetries and the
-        surface."""
+        """The rigid body with this indenter's kind and dimensions. Its methods compute distances, symmetries and the
+        surface.
+        """
         return IndenterShape.named(self.shape)(self)

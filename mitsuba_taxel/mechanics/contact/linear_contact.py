@@ -1,4 +1,5 @@
-"""Contact of a linear body at few nodes, with and without Coulomb friction, from its flexibility there.
+"""Contact of a linear body at few nodes, with and without Coulomb friction, from the flexibility of the body at these
+nodes.
 
 Gaps are linear in the pressures: gap = matrix @ pressure + offset. At each node in contact or close to it, pressure and
 gap are not negative, and one of both is 0.

@@ -1,9 +1,9 @@
 """Onset of buckling: the load at which a pad becomes unstable against displacements that break the symmetry of its
 state.
 
-There a branch of equilibria without that symmetry begins, and leaves the symmetric branch along the null vector of the
-tangent. The mirrored branch is equally likely. The sign of a moment of the displacement, which does not depend on the
-elements, selects one of the two (W. T. Koiter, On the stability of elastic equilibrium, Delft, 1945).
+At this load, a branch of equilibria without the symmetry begins. It leaves the symmetric branch along the null vector
+of the tangent. The mirrored branch is equally likely. The sign of a moment of the displacement, which does not depend
+on the elements, selects one of the two (W. T. Koiter, On the stability of elastic equilibrium, Delft, 1945).
 """
 
 from __future__ import annotations

@@ -263,7 +263,7 @@ def pad_path(
     step_tolerance: float = INTERPOLATION_TOLERANCE,
     refinement: Refinement | None = None,
 ) -> PadPath:
-    """The load path for these arguments; all callers with equal arguments share one object.
+    """The load path of a pad under a kind of load. All callers with equal arguments get the same object.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def lock_of(pad: AnyPad) -> Any:
 
 
 class PathProblem:
-    """A pad, its material and load, its elements, and quantities computed from these alone.
+    """A pad with its material, load and elements, and quantities that depend on nothing else.
 
     Parameters
     ----------

@@ -78,8 +78,8 @@ def placed_path(path: PadPath, value: np.ndarray) -> tuple[PadPath, np.ndarray]:
 def solved_on(
     path: PadPath, value: np.ndarray, obstacles: np.ndarray | None = None
 ) -> tuple[PadPath, np.ndarray, State]:
-    """The state under an indenter on a mesh that resolves the contact; also returns its load path and the value of the
-    load there.
+    """State under an indenter, solved on a mesh that resolves the contact. Also returns the load path on this mesh, and
+    the value of the load on this path.
 
     If the contact is small, elements around the tip of the indenter are refined until they resolve it.
 

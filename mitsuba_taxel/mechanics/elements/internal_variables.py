@@ -45,7 +45,8 @@ class StressUpdate:
 
 @dataclass(frozen=True, eq=False)
 class Softening:
-    """The isochoric stress with Mullins' effect at the end of a step, as a function of the strain there.
+    """The isochoric stress of a silicone with Mullins' effect at the end of a step, as a function of the strain at the
+    end.
 
     Attributes
     ----------

@@ -87,7 +87,8 @@ class PlateRotation:
         return np.einsum("kij,pj->pik", first, self.arms) / self.size
 
     def entries(self, displacement: np.ndarray, forces: np.ndarray) -> np.ndarray:
-        """Entries of the tangent that the rotation of the plate adds to those of the elements.
+        """Entries of the tangent for the unknowns of the plate's rotation, which are appended to the entries of the
+        elements.
 
         Parameters
         ----------

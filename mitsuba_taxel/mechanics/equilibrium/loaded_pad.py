@@ -149,7 +149,7 @@ class LoadedPad(MeshedPad):
             raise singular(failure) from failure
 
     def solve_linearised(self, start: np.ndarray, value: np.ndarray) -> tuple[Solution, Linearised]:
-        """The equilibrium of :meth:`solve`, and the factored tangent there.
+        """The equilibrium, as from :meth:`solve`, and the factored tangent at this state or a nearby one.
 
         It is for the pad at rest, and between states of a path that are known to be stable: stability against
         displacements that break the symmetry of the load is not tested again. The pad may be linearised at a nearby
@@ -184,7 +184,8 @@ class LoadedPad(MeshedPad):
     def solve_between(
         self, start: np.ndarray, value: np.ndarray, near: Callable[[], Linearised]
     ) -> tuple[Solution, Linearised]:
-        """The result of :meth:`solve_linearised` for a load between those of two stable states of a path.
+        """The equilibrium and its tangent, as from :meth:`solve_linearised`, for a load that lies between the loads of
+        two stable states of a path.
 
         Parameters
         ----------

@@ -174,7 +174,7 @@ class _Pieces:
         return _block(self._model, self._model.part, signs, self._solver)
 
     def with_pressure(self, entries: np.ndarray, displacement: np.ndarray, pressure: np.ndarray) -> np.ndarray:
-        """Entries of the tangent of a piece, including those of the pressure that acts in the planes of symmetry along
+        """Entries of the tangent of a piece, with the contribution of the pressure in the planes of symmetry along
         which the pad is cut.
         """
         displacement, pressure = self._model.part.restrict(displacement, pressure)

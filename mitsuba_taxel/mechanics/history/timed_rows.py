@@ -41,7 +41,7 @@ Row = tuple[float, tuple[float, ...]]
 
 
 class LoadHistory:
-    """Values of a load with their times (rows), and for each row a digest that depends on all rows up to it.
+    """Values of a load with their times (rows). Each row has a digest of all rows up to and including itself.
 
     The first rows of a history, ``history[:count]``, are shared with it, so the histories of all states of a path take
     time and memory in proportion to their number. Histories are equal if their rows are equal.
@@ -98,7 +98,7 @@ class LoadHistory:
 def timed_rows(
     material: Material | Viscoelastic | Mullins, load: Load, values: np.ndarray, times: object
 ) -> LoadHistory:
-    """The history of a load, empty if states depend on its value alone.
+    """The history of a load. It is empty if states depend only on the present value of the load.
 
     For friction on an elastic material, and for Mullins' effect, all rows are at 0 s, and the load first acts along z,
     then sideways.

@@ -151,7 +151,8 @@ class Growth:
         return time
 
     def until(self, time: float) -> Growth:
-        """The same measure of time for a shorter step, which ends at a ``time`` in s; it is scaled to 1 there."""
+        """The same measure of time for a shorter step, which ends at a ``time`` in s. It is scaled to be 1 at its end.
+        """
         fraction = float(self.at(time))
         return Growth(time, self.steady / fraction, self.amplitudes / fraction, self.rates)
 

@@ -35,7 +35,7 @@ class Mullins(Displayed):
     law : Material
         Law of the first loading.
     r : float
-        Above 1: the stress that remains when a large load is taken off is at least 1 - 1 / r of that of the law.
+        Above 1. On unloading from a large strain, the stress is at least 1 - 1 / r times that of the law.
     m : float
         Energy density in MPa, above 0, over which the stress falls when the load turns; the smaller it is, the more
         small strains soften.

@@ -92,12 +92,12 @@ class Reactions:
 
 
 def reactions(state: State) -> Reactions:
-    """Force and moment of the board on a deformed pad, and those applied to it.
+    """Forces and moments on a deformed pad: of the board, and of the load.
 
     At the nodes of a load path they balance to the solver's tolerance. States in between are interpolated, with
     displacements accurate to :data:`~mitsuba_taxel.mechanics.continuation.load_segment.INTERPOLATION_TOLERANCE`, and
-    the imbalance is that of the interpolation;
-    :func:`~mitsuba_taxel.mechanics.derivatives.sensitivities.linearise` gives the nearby state in equilibrium.
+    the imbalance is that of the interpolation; :func:`~mitsuba_taxel.mechanics.derivatives.sensitivities.linearise`
+    gives the nearby state in equilibrium.
 
     Parameters
     ----------

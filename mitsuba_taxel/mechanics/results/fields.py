@@ -46,7 +46,9 @@ class NodalFields:
 
     @cached_property
     def principal_stretches(self) -> np.ndarray:
-        """Singular values (N, 3) of F, the largest first."""
+        """Principal stretches (N, 3) at the nodes, the largest first: the singular values of the deformation gradient
+        F.
+        """
         return np.linalg.svd(self.deformation_gradient, compute_uv=False)
 
     @cached_property

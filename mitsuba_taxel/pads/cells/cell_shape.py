@@ -144,7 +144,7 @@ class CellShape(Kind, family="cell"):
 
     @property
     def radius(self) -> float:
-        """Half the width of the mouth, mm."""
+        """Half the width of the cell's mouth at the board, in mm."""
         return 0.5 * self.pad.cell_size
 
     @property
@@ -236,7 +236,7 @@ class CellShape(Kind, family="cell"):
     @property
     @abstractmethod
     def has_ridges(self) -> bool:
-        """Whether walls of the roof meet at edges."""
+        """Whether the roof has edges, at which its walls meet."""
 
     @property
     @abstractmethod
@@ -290,7 +290,7 @@ class CellShape(Kind, family="cell"):
         return points
 
     def filleted(self, radius: float) -> Fillet:
-        """Round the edges of the cell inside.
+        """Create the rounded edges (fillets) inside the cell.
 
         Parameters
         ----------

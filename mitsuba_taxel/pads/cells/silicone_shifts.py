@@ -18,7 +18,7 @@ BESIDE = 0.4
 
 
 def axes(pad: Dimensions) -> list[np.ndarray]:
-    """Ascending x of the axes of the columns of cells, and ascending y of those of the rows, mm."""
+    """Positions of the axes of the cells, in mm: x of the columns, and y of the rows, both ascending."""
     return [(np.arange(count) - 0.5 * (count - 1)) * pad.pitch for count in (pad.columns, pad.rows)]
 
 

@@ -99,7 +99,7 @@ class SingularEdges:
         self.between = np.unique(np.sort(between, axis=1), axis=0)
 
     def nodes(self, points: np.ndarray, faces: np.ndarray, patch: np.ndarray) -> np.ndarray:
-        """Mask of the nodes of a mesh that lie on these edges.
+        """Mask of the nodes of a mesh that lie on edges at which the stress is singular.
 
         Parameters
         ----------
@@ -121,7 +121,8 @@ class SingularEdges:
         return on
 
     def nodes_on_planes(self, points: np.ndarray, planes: Sequence[Mirror], tolerance: float) -> np.ndarray:
-        """Mask of the points on those singular edges that lie in planes of symmetry, where the mesh ends.
+        """Mask of the points that lie both on an edge with singular stress and in a plane of symmetry, where the mesh
+        ends.
 
         Parameters
         ----------

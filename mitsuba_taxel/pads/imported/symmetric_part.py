@@ -55,7 +55,8 @@ def mirrors_of(vertices: np.ndarray, triangles: np.ndarray, region: np.ndarray) 
 
 
 def group_of(mirrors: Iterable[Mirror]) -> tuple[Mirror, ...]:
-    """All planes of symmetry that follow from some of them: the mirrors of the group that they generate."""
+    """Complete a set of planes of symmetry to a group: add all planes that follow from combinations of the given ones.
+    """
     generators = set(mirrors)
     if len(generators) > 2:
         return MIRRORS

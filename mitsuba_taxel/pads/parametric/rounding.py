@@ -82,7 +82,9 @@ def with_round_rims(mesh: VolumeMesh, pad: DrawnPad, at_sharp_edges: float, mark
 
 
 def _with_round_mouths(mesh: VolumeMesh, pad: DrawnPad) -> np.ndarray:
-    """The N nodes (N, 3), after those at the mouths of cells are moved exactly onto the circles of the mouths."""
+    """All nodes (N, 3) of a mesh, after the nodes at the mouths of cells have been moved exactly onto the circles of
+    the mouths.
+    """
     points, mouth = mesh.points.copy(), on_region(mesh, "side") & on_region(mesh, "bottom")
     width = 0.0 if pad.mouth is None else pad.mouth.width
     points[mouth] = _on_circle(pad, points[mouth], 0.5 * pad.cell_size + width, 0.0)

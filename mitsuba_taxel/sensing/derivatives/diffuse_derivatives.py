@@ -343,5 +343,7 @@ class _CellRates:
 
 
 def _scale(change: Rates, load: Sequence[float]) -> float:
-    """Magnitude of a parameter's value; for a component of the load, that of the whole load."""
+    """Magnitude by which a parameter is scaled: the magnitude of its value, or of the whole load if it is one of its
+    components.
+    """
     return float(np.linalg.norm(load)) if change.load.any() else abs(change.value)

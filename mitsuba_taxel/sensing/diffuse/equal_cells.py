@@ -106,8 +106,10 @@ def equal_at_rest(cells: DiffuseCells) -> list[int]:
 
 
 def _near_images(mirror: Mirror, points: Sequence[np.ndarray]) -> list[list[int]]:
-    """For each of n points (3,), the ascending indices of those points whose mirror image lies near it. A search in a
-    tree replaces the comparison of all pairs, whose number grows with the square of n."""
+    """For each of n points (3,), the ascending indices of the points whose mirror image is near to it.
+
+    A search in a tree replaces the comparison of all pairs, whose number grows with the square of n.
+    """
     images = mirror.image(np.array(points))
     radius = 2 * EQUAL * float(np.abs(images).max())
     return [sorted(near) for near in cKDTree(images).query_ball_point(np.array(points), radius, p=np.inf)]

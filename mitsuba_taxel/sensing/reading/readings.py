@@ -259,7 +259,9 @@ class Readings(Displayed):
 
     @property
     def relative_total_error(self) -> float:
-        """Largest relative total error of any taxel; infinite as for :attr:`relative_error`."""
+        """Largest relative total error of any taxel. It is infinite if no light was found on a taxel that may receive
+        some.
+        """
         return largest_share(self.total_error, self.power)
 
     @property

@@ -128,7 +128,8 @@ def _refuse_media(scene: mi.Scene, plugin: str) -> None:
 
 def _refuse_other_windows(scene: mi.Scene) -> None:
     """Raise `InputError` if LEDs and phototransistors cannot be paired, or if light would travel directly from the
-    window of one package to that of another."""
+    window of one package to the window of another.
+    """
     for pair in taxels_of(scene):
         if pair.is_below_windows and not pair.coplanar:
             raise InputError(

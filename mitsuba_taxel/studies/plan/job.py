@@ -153,7 +153,7 @@ class Failure:
 
 
 def describe(values: Mapping[str, str], roles: Mapping[str, Sequence[Any]] = MappingProxyType({})) -> str:
-    """Text with the values of a scene's parameters, such as ``fz=-4, fx=1``; error messages identify scenes by it.
+    """Text by which messages identify a scene: the values of its parameters, such as ``fz=-4, fx=1``.
 
     Load histories and the mesh's reference scene are omitted, and `TO_CONTACT` too unless it is the only value.
 

@@ -25,7 +25,7 @@ class AngularLaw(Protocol):
         """
 
     def width(self, cosine: np.ndarray) -> np.ndarray | float:
-        """Angle in radians over which the law varies substantially at these cosines."""
+        """Angle in radians over which the law varies substantially near the given cosines."""
 
     @property
     def has_kinks(self) -> bool:

@@ -1,5 +1,6 @@
-"""Edges of an undeformed pad: those at which the stress is singular, with the strip beside them, and corners of its
-rims."""
+"""Edges of an undeformed pad at which the stress is singular, with the strips beside them, and corners of the rims of
+its regions.
+"""
 
 from __future__ import annotations
 

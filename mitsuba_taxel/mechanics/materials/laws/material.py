@@ -142,7 +142,7 @@ class Material(Kind, Checked, Displayed, Fitted, family="material"):
         return tuple(field.name for field in fields(self))  # type: ignore[arg-type]
 
     def changed(self, **parameters: float) -> Material:
-        """The same law with other parameters.
+        """Copy of the law with other values of its parameters.
 
         Parameters
         ----------
@@ -165,18 +165,18 @@ class Material(Kind, Checked, Displayed, Fitted, family="material"):
 
     @property
     def shear_modulus(self) -> float:
-        """mu = 2 (dW/dI1 + dW/dI2) at rest, in MPa (Holzapfel 2000, section 6.5)."""
+        """Shear modulus at rest in MPa, mu = 2 (dW/dI1 + dW/dI2) (Holzapfel 2000, section 6.5)."""
         rest = self._at_rest
         return 2 * ((rest.d1 or 0.0) + (rest.d2 or 0.0))
 
     @property
     def youngs_modulus(self) -> float:
-        """E = 2 mu (1 + nu) at small strain, in MPa."""
+        """Young's modulus at small strain in MPa, E = 2 mu (1 + nu)."""
         return 2 * self.shear_modulus * (1 + self.poisson_ratio)
 
     @property
     def compressibility(self) -> float:
-        """1 / kappa = 3 (1 - 2 nu) / E in 1/MPa; 0 if incompressible."""
+        """Compressibility at small strain in 1/MPa, 1 / kappa = 3 (1 - 2 nu) / E; 0 if incompressible."""
         return 3 * (1 - 2 * self.poisson_ratio) / self.youngs_modulus
 
     def energy(self, gradient: np.ndarray) -> np.ndarray:
