@@ -279,9 +279,9 @@ def _gained(fine_descent: FineDescent | None) -> str:
     """End of a sentence of a warning: how much a further descent on the finer mesh has gained."""
     if fine_descent is None:
         return "; more evaluations may improve the design, or readings are too inaccurate to show it"
-    end = "then no step improves it further" if fine_descent.ended else "more evaluations may improve it"
-    gain = f"{fine_descent.gain:.2%} in {fine_descent.designs} designs"
-    return f"; on the finer mesh a descent from this design gains {gain}, and {end}"
+    end = "finds no better design" if fine_descent.ended else "may gain more with more evaluations"
+    gain = f"{fine_descent.gain:.2%} with {fine_descent.designs} designs"
+    return f"; on the finer mesh, a further descent from it gains {gain}, and {end}"
 
 
 def _warnings(
@@ -297,11 +297,13 @@ def _warnings(
     if "best_finer" in reads and (broken := _broken(optimiser, reads["best_finer"])):
         warnings.append(f"on the finer mesh the best design violates {broken}")
     if math.isnan(conditions.error):
-        warnings.append(f"a local optimum is not certain: its slope is known on one mesh only{_gained(fine_descent)}")
+        warnings.append(
+            f"the best design may not be a local optimum: its slope is known on one mesh only{_gained(fine_descent)}"
+        )
     elif not conditions.is_local:
         warnings.append(
-            f"a local optimum is not certain: a slope of the objective of "
-            f"{conditions.unbalanced + conditions.error:.0%} over the width of the bounds may be left"
+            "the best design may not be a local optimum: over the width of the bounds, its remaining slope may change "
+            f"the objective by up to {conditions.unbalanced + conditions.error:.0%}"
             f"{_gained(fine_descent)}"
         )
     if probability < 0.95 and (broken := _broken(optimiser, reads["before"])):

@@ -126,8 +126,8 @@ def parameters_of(cls: Any) -> Mapping[str, Parameter]:
 
 @kept(1024)
 def _current_parameters(cls: Any, _: int) -> Mapping[str, Parameter]:
-    """Parameters of a class, kept from call to call until a kind is added or removed, which changes the number that is
-    the second argument."""
+    """Parameters of a class. The result is kept from call to call, until a kind is added or removed: this changes the
+    second argument, a number that only tells kept results apart."""
     return _all_parameters(cls, _chosen(cls))
 
 

@@ -484,7 +484,7 @@ class DeformablePad(mi.Mesh):
 
 
 def _painted(markers: Markers, block: Block, walls: list[mi.BSDF]) -> mi.BSDF:
-    """The region BSDF of a block with markers on its coat; other pads may share the one without."""
+    """New region BSDF of a block with markers on its coat. The given BSDF is unchanged, as pads may share it."""
     if not (walls and is_region(walls[0]) and "top" in walls[0].walls):
         raise InputError("markers are not allowed without a coat: a region BSDF with a top is needed.")
     weight = {"type": "bitmap", "bitmap": mi.Bitmap(markers.map_on(block)[..., None]), "raw": True}

@@ -32,8 +32,8 @@ def test_a_sound_scene(taxel):
 
 def test_an_error_is_exit_code_2(taxel):
     done = taxel("check", "scene.xml")
-    first, *_, last = done.stdout.splitlines()
-    assert (done.returncode, done.stderr, last) == (2, "", "errors: 1, warnings: 1, notes: 0")
+    counts, first, *_ = done.stdout.splitlines()
+    assert (done.returncode, done.stderr, counts) == (2, "", "errors: 1, warnings: 1, notes: 0")
     assert first == (
         "scene.xml:3: error: spacin is no parameter of photo_reflector (did you mean spacing?)."
     )  # fmt: skip

@@ -80,9 +80,9 @@ def test_what_a_finer_mesh_would_gain(tmp_path):
     assert not result.is_local and result.beyond_ended
     assert result.beyond == pytest.approx(0.06**2 / (1 + 0.06**2), rel=0.02)
     (warning,) = result.warnings
-    assert f"on the finer mesh a descent from this design gains {result.beyond:.2%} in" in warning
+    assert f"on the finer mesh, a further descent from it gains {result.beyond:.2%} with" in warning
     assert (
-        "no step improves it further" in warning
+        "finds no better design" in warning
         and verification.optimiser.best(verification.optimiser.plan.goal, []) != verification.winner
     )
 

@@ -51,8 +51,8 @@ def command(ctx: click.Context, scene: str | None, defines: dict[str, str], sche
 
             print_json({"findings": [asdict(finding) for finding in findings]})
         else:
-            for finding in findings:
-                say(str(finding))
             counts = Counter(finding.severity for finding in findings)
             say(", ".join(f"{severity}s: {counts[severity]}" for severity in SEVERITIES))
+            for finding in findings:
+                say(str(finding))
         ctx.exit(max((1 if f.stopped else 2 for f in findings if f.severity == "error"), default=0))

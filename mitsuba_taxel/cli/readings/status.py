@@ -18,12 +18,14 @@ def command(folder: Path, as_json: bool) -> None:
     from mitsuba_taxel.base.units import in_percent
     from mitsuba_taxel.studies.store.status import study_status
 
-    from ..tables import known, print_json, print_table
+    from ..tables import known, print_json, print_table, say
 
     states = study_status(folder)
     if as_json:
         print_json({"scenes": [state._asdict() | {"error": known(state.error)} for state in states]})
         return
+    done, failed, total = (sum(getattr(state, name) for state in states) for name in ("done", "failed", "total"))
+    say(f"{done} of {total} scenes are computed, {failed} failed.\n")
     print_table(
         ("scene", "done", "failed", "of", "error", "running", "time left"),
         [

@@ -106,8 +106,8 @@ class IndentedPad(LoadedPad):
         return solution, nearby.linearised
 
     def solve_nearby(self, start: np.ndarray, value: np.ndarray, near: Nearby | None = None) -> tuple[Solution, Nearby]:
-        """The equilibrium, as from :meth:`solve_linearised`; the factor of a similar state is reused as long as
-        iterations converge fast.
+        """The equilibrium that :meth:`solve_linearised` finds, in less time: the factorised stiffness of a similar
+        state is reused as long as iterations converge fast.
 
         Parameters
         ----------

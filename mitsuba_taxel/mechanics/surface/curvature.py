@@ -74,8 +74,8 @@ class Corners:
     def offsets(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Movements of the V vertices that give the flat triangles the mean position of the curved walls.
 
-        A vertex moves by the mean of the triangles around it, along the normal of its sheet. Where sheets meet, it
-        moves as required along the normal of each, and stays on flat sheets.
+        A vertex moves by the mean distance of the triangles around it from the walls, along the normal of its sheet.
+        Where sheets meet, it moves as required along the normal of each, and stays on flat sheets.
 
         Parameters
         ----------

@@ -30,7 +30,7 @@ def default_mesh_size(vertices: np.ndarray, triangles: np.ndarray, region: np.nd
     """Default size of elements, by the rule of `Pad.default_mesh_size`.
 
     It scales with the size of the smallest cell, and with the square root of the least thickness of the silicone beside
-    or above a cell. Without cells, it is that of a block.
+    or above a cell. A surface without cells has the default size of a block.
 
     Parameters
     ----------

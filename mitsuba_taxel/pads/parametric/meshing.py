@@ -395,7 +395,7 @@ def _outward(faces: np.ndarray, tets: np.ndarray, points: np.ndarray) -> np.ndar
 
 def snapped(points: np.ndarray, pad: DrawnPad) -> np.ndarray:
     """The points, moved exactly onto the planes of symmetry, the bottom or the top if they lie within rounding errors
-    of these.
+    of such a plane.
 
     Parameters
     ----------

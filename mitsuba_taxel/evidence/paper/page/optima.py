@@ -278,7 +278,7 @@ def _descents(purpose: str, cell: str, optimum: xr.Dataset) -> str:
 
 
 def _goal(optimum: xr.Dataset) -> tuple[float, float]:
-    """Text with the objective before and after the optimisation, on the finer mesh if possible."""
+    """Objective before and after the optimisation, on the finer mesh if possible."""
     ends = (f"figures_{when}{'_finer' if 'figures_best_finer' in optimum else ''}" for when in ("before", "best"))
     before, best = (float(optimum[name].values[0]) for name in ends)
     return before, best
