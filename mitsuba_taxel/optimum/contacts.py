@@ -25,13 +25,14 @@ class DesignContact(NamedTuple):
     touched : str
         Object that the pad touches; empty without contact.
     ended : str
-        Reason why the load path ends without contact; empty if it does not.
+        Reason why the load path ends without contact, else empty.
     by : list[float]
         Derivatives of ``value`` with respect to each variable, scaled to the unit cube.
     by_tolerance : list[float]
         Change of ``value`` by one standard deviation of each parameter with a tolerance.
     missing : bool
-        Whether the load path ends without contact and the derivatives of its end are unknown; they are then 0.
+        Whether the load path ends without contact and the derivatives of its end are unknown. All derivatives are
+        then 0.
     """
 
     value: float

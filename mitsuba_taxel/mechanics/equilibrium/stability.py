@@ -194,7 +194,8 @@ class _Block:
     solver: Solver
 
     def surplus(self, entries: np.ndarray, constraints: LoadConstraints | None = None) -> int:
-        """Number of negative eigenvalues of this block of the tangent beyond those of the pressures.
+        """Number of negative eigenvalues of this block of the tangent, without those that pressures and
+        constraints cause in a stable pad as well.
 
         Parameters
         ----------

@@ -77,7 +77,7 @@ class Mullins(Displayed):
         energy : (...) ndarray
             Isochoric energy density W of the law in MPa.
         largest : (...) ndarray
-            Its largest value so far, MPa.
+            Largest value of W so far, in MPa.
 
         Returns
         -------
