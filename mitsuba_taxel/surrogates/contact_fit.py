@@ -150,6 +150,6 @@ def _refuse_other_pads(pad: PadShape) -> None:
         raise InputError("a model of contact leaves out contact of the pad with itself: remove self_contact.")
     if pad.load.indenter is not None and pad.load.indenter.friction:
         raise InputError(
-            "a model of contact leaves out the friction of the scene's indenter: remove indenter_friction. FrictionPads "
-            "has friction, for models made with friction=True."
+            "a model of contact leaves out the friction of the scene's indenter: remove indenter_friction. "
+            "FrictionPads has friction, for models made with friction=True."
         )

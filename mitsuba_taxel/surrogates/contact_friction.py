@@ -21,6 +21,8 @@ from mitsuba_taxel.surrogates.contact_readings import NOT_A_NUMBER, NOT_SOLVED, 
 TOLERANCE = 1e-9
 """Residual at which the iteration ends, relative to the largest limit of the friction of each pad."""
 MOST_ITERATIONS = 3000
+EXCHANGES = 3
+"""Number of times that normal and tangential forces are computed in a step, one from the other."""
 SLIDES = 1e-6
 """A patch slides where its force is less than this fraction below the limit of friction."""
 
@@ -31,7 +33,8 @@ class FrictionReadings(NamedTuple):
     Attributes
     ----------
     readings : ContactReadings
-        Readings, force and moment with friction; the other results are those without.
+        Results with friction. The centre of pressure and the moments are at the displaced places of the patches, and
+        pressures are those of the undeformed ones.
     traction : (B, 2, R, C) ndarray
         Mean tangential traction of the bodies on each patch along x and y in MPa.
     sliding : (B, R, C) ndarray of bool
@@ -46,9 +49,10 @@ class FrictionReadings(NamedTuple):
 class FrictionPads:
     """B pads on which bodies stick and slide, step by step.
 
-    Normal forces are those of the contact model, on which friction has no effect; this is exact for an incompressible
-    half-space (K. L. Johnson, Contact Mechanics, 1985, chapter 7). Tangential forces act linearly on the readings. Each
-    step goes on from the sticking and sliding of the one before, so that paths back and forth have their hysteresis.
+    Tangential forces displace the top along x and y alone; this is exact for an incompressible half-space (K. L.
+    Johnson, Contact Mechanics, 1985, chapter 7). Where the top is dragged along, it meets another part of the body,
+    which the slopes of the map of depth tell. Tangential forces act linearly on the readings. Each step goes on from
+    the sticking and sliding of the one before, so that paths back and forth have their hysteresis.
 
     Parameters
     ----------
@@ -73,7 +77,7 @@ class FrictionPads:
             raise refusal("friction", friction, "a finite number of at least 0 is needed")
         if model.tangential is None or model.tangential_gradient is None or model.lateral is None:
             raise InputError("this model has no friction: make it by contact_model or export_contact, friction=True.")
-        self._model, self._friction = model, float(friction)
+        self._model, self._friction, self._lateral = model, float(friction), model.lateral
         patches = len(model.compliance)
         self._compliance = model.tangential.reshape(2 * patches, 2 * patches)
         least, largest = np.linalg.eigvalsh(self._compliance)[[0, -1]]
@@ -81,7 +85,8 @@ class FrictionPads:
             raise InputError("the tangential compliance of the patches is singular: a larger spacing is needed.")
         self._penalty = float(np.sqrt(least * largest))
         self._operator = np.linalg.inv(self._compliance + self._penalty * np.eye(2 * patches))
-        self._moved = np.zeros((pads, 2, patches))
+        # Displacements of the patches at the end of the last step: all of them, and those by tangential forces alone.
+        self._moved, self._dragged = np.zeros((2, pads, 2, patches))
 
     def step(self, depth: np.ndarray, slip: np.ndarray) -> FrictionReadings:
         """Results after a step, in which bodies move along the top.
@@ -89,7 +94,8 @@ class FrictionPads:
         Parameters
         ----------
         depth : (B, rows, columns) ndarray
-            Maps of depth at the end of the step, as for a call of the model.
+            Maps of depth at the end of the step, as for a call of the model; beside the contact, true heights of the
+            body above the top, as negative depths, are more accurate than other numbers below 0.
         slip : (B, 2) or (B, 2, rows, columns) ndarray
             Displacement of the body in the step, along x and y in mm, relative to the undeformed pad: one for each pad,
             or one at each patch. A pad with a NaN is left as it was.
@@ -104,37 +110,54 @@ class FrictionPads:
         InputError
             if an array has another shape.
         """
-        model, covered = self._model, self._model.covered
-        readings, sliding = model(depth), floats_of(slip)
+        model, covered, sliding = self._model, self._model.covered, floats_of(slip)
+        maps = floats_of(depth)
         shape = len(self._moved), 2
-        if len(readings.power) != shape[0] or sliding.shape not in (shape, (*shape, *covered.shape)):
+        if maps.shape != (shape[0], *covered.shape) or sliding.shape not in (shape, (*shape, *covered.shape)):
             raise InputError(
                 f"slip {shape_words(slip)} is not allowed: an array {shape} or {(*shape, *covered.shape)} is needed, "
                 f"and as many maps of depth as pads."
             )
         by_patch = sliding[..., None] if sliding.ndim == 2 else sliding[..., covered]
         known = np.isfinite(by_patch).all(axis=(1, 2))
-        normal = readings.pressure[:, covered] * np.prod(model.size)
-        usable = known & np.isfinite(normal).all(axis=1)
-        normal = np.where(usable[:, None], normal, 0.0)
-        # The displacement of the top if all of it stuck, without that by normal forces.
-        pressed = np.stack([normal @ along.T for along in model.lateral], axis=1)  # type: ignore[union-attr]
-        stuck = self._moved + np.where(usable[:, None, None], by_patch, 0.0) - pressed
-        limit = self._friction * normal
-        forces, solved = self._forces(stuck, limit)
-        usable &= solved
-        moved = (forces.reshape(shape[0], -1) @ self._compliance).reshape(forces.shape) + pressed
-        self._moved = np.where(usable[:, None, None], moved, self._moved)
+        by_patch = np.where(known[:, None, None], by_patch, 0.0)
+        slopes, bends = self._shape(np.nan_to_num(maps))
+        deepest = maps.max(axis=(1, 2))[:, None]
 
-        # Readings and wrench with the tangential forces, at the height of the body's surface.
-        forces = np.where(usable[:, None, None], forces, np.nan)
+        # A patch that the body drags along meets the part of the body above its displaced place: forces and places
+        # depend on each other.
+        dragged = self._dragged
+        for _ in range(EXCHANGES):
+            along = dragged.transpose(1, 0, 2)
+            halfway = slopes + 0.5 * (bends * along).sum(axis=1)
+            shifted = maps.copy()
+            shifted[:, covered] = np.minimum(maps[:, covered] + (halfway * along).sum(axis=0), deepest)
+            readings = model(shifted)
+            normal = readings.pressure[:, covered] * np.prod(model.size)
+            usable = known & np.isfinite(normal).all(axis=1)
+            normal = np.where(usable[:, None], normal, 0.0)
+            limit = self._friction * normal
+            # The displacement of the top if all of it stuck, without that by normal forces.
+            pressed = np.stack([normal @ matrix.T for matrix in self._lateral], axis=1)
+            forces, solved = self._forces(self._moved + by_patch - pressed, limit)
+            dragged = (forces.reshape(shape[0], -1) @ self._compliance).reshape(forces.shape)
+        usable &= solved
+        self._moved = np.where(usable[:, None, None], dragged + pressed, self._moved)
+        self._dragged = np.where(usable[:, None, None], dragged, self._dragged)
+
+        # Readings and wrench with the tangential forces, at the height of the body's surface and the displaced places.
+        forces, dragged = (np.where(usable[:, None, None], values, np.nan) for values in (forces, dragged))
         change = np.einsum("tam,bam->bt", model.tangential_gradient, forces)
         along_x, along_y = forces.transpose(1, 0, 2)
-        maps = np.atleast_3d(floats_of(depth)).reshape(-1, *covered.shape)
-        height, points = model.height - np.maximum(maps[:, covered], 0.0), model.points[covered]
-        turn = (points[:, 0] * along_y - points[:, 1] * along_x).sum(axis=1)
+        height, places = model.height - np.maximum(shifted[:, covered], 0.0), model.points[covered][:, :2].T + dragged
+        moved = (dragged * normal[:, None]).sum(axis=2)
+        turn = (places[:, 0] * along_y - places[:, 1] * along_x).sum(axis=1)
         force = np.stack([along_x.sum(axis=1), along_y.sum(axis=1), 0 * turn], axis=1)
-        moment = np.stack([-(height * along_y).sum(axis=1), (height * along_x).sum(axis=1), turn], axis=1)
+        moment = np.stack(
+            [-(height * along_y).sum(axis=1) - moved[:, 1], (height * along_x).sum(axis=1) + moved[:, 0], turn], axis=1
+        )
+        total = normal.sum(axis=1)[:, None]
+        centre = readings.centre + moved / np.where(total > 0, total, np.nan)
         bad = np.where(known | (readings.status & NOT_A_NUMBER > 0), 0, NOT_A_NUMBER)
         bad = bad + np.where(solved | (readings.status & NOT_SOLVED > 0), 0, NOT_SOLVED)
         traction = np.full((shape[0], 2, *covered.shape), np.nan)
@@ -145,6 +168,7 @@ class FrictionPads:
             power=readings.power + change,
             force=readings.force + force,
             moment=readings.moment + moment,
+            centre=centre,
             status=readings.status + bad,
         )
         return FrictionReadings(with_friction, traction, slides)
@@ -157,7 +181,24 @@ class FrictionPads:
         pads : int, slice or array_like, optional
             Indices of the pads, or a mask; by default all.
         """
-        self._moved[pads if isinstance(pads, slice) else np.asarray(pads)] = 0.0
+        pads = pads if isinstance(pads, slice) else np.asarray(pads)
+        self._moved[pads] = self._dragged[pads] = 0.0
+
+    def _shape(self, maps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes (2, B, M) of the bodies along x and y at each patch, and the derivatives (2, 2, B, M) of each slope
+        along x and y in 1/mm, from maps of depth. A depth of exactly 0 is where an engine knows no body."""
+        lowest = self._model.largest_depth
+        known = (maps > -lowest) & (maps != 0)
+        slopes = _beside(self._model.slopes(np.where(known, maps + lowest, -1.0)), known)
+        width, depth = self._model.size
+        bends = [
+            np.stack([np.gradient(slope, width, axis=2), -np.gradient(slope, depth, axis=1)])
+            if min(slope.shape[1:]) > 1
+            else np.zeros((2, *slope.shape))
+            for slope in slopes
+        ]
+        covered = self._model.covered
+        return slopes[..., covered], np.stack(bends)[..., covered]
 
     def _forces(self, stuck: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tangential forces (B, 2, M) in N from displacements (B, 2, M) of a stuck top in mm and the limits (B, M) of
@@ -178,3 +219,17 @@ class FrictionPads:
             residual[left] = np.maximum(np.abs(free - within), np.abs(within - forces[left])).max(axis=1)
             forces[left], dual[left] = within, total - within
         return forces.reshape(shape), residual <= TOLERANCE * scale
+
+
+def _beside(slopes: np.ndarray, below: np.ndarray) -> np.ndarray:
+    """Slopes (2, B, rows, columns) of maps that are known where bodies are below the top, ``below``, with means of
+    neighbours at patches beside them."""
+    width = [(0, 0), (0, 0), (1, 1), (1, 1)]
+    known = np.pad(below.astype(float), width[1:])
+    values = np.pad(np.where(below, slopes, 0.0), width)
+
+    def neighbours(array: np.ndarray) -> np.ndarray:
+        across = array[..., 1:-1, :-2] + array[..., 1:-1, 2:]
+        return across + array[..., :-2, 1:-1] + array[..., 2:, 1:-1]
+
+    return np.where(below, slopes, neighbours(values) / np.maximum(neighbours(known), 1.0))

@@ -358,7 +358,7 @@ class ContactModel(Displayed):
         sideways, lever, turn = np.stack([zero, zero]), np.stack([zero, zero]), zero
         if depth is not None:
             side = 1.0 if self.second is None else self.second.side
-            tangential = -side * forces * self._slopes(depth)[..., self.covered]
+            tangential = -side * forces * self.slopes(depth)[..., self.covered]
             heights = self.height - np.maximum(depth[:, self.covered], 0.0)
             sideways, lever = tangential.sum(axis=2), (tangential * heights).sum(axis=2)
             turn = tangential[1] @ points[:, 0] - tangential[0] @ points[:, 1]
@@ -399,11 +399,19 @@ class ContactModel(Displayed):
             into[..., 1:-1] += np.where(below, (before - 2 * own + after) / 24, 0.0)
         return means
 
-    def _slopes(self, depth: np.ndarray) -> np.ndarray:
-        """Slopes (2, B, rows, columns) of depth maps along x and y, computed from patches below the body only.
+    def slopes(self, depth: np.ndarray) -> np.ndarray:
+        """Slopes of bodies along x and y, from patches below the body: means of those to both neighbours, and at an
+        edge that to one, extrapolated from the next.
 
-        A slope is the mean of the slopes to both neighbours. At the edge of the contact, only one neighbour lies below
-        the body; the slope to it is extrapolated with the next slope.
+        Parameters
+        ----------
+        depth : (B, rows, columns) ndarray
+            Maps of depth in mm.
+
+        Returns
+        -------
+        (2, B, rows, columns) ndarray
+            Slopes of depth along x and y; 0 beside the body.
         """
         slopes = []
         for axis, step in ((2, self.size[0]), (1, -self.size[1])):
