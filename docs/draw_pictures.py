@@ -30,8 +30,11 @@ from mitsuba_taxel.plots.figures import save_small
 DOCS = Path(__file__).parent
 GALLERY, PLUGINS = DOCS / "gallery", DOCS / "pictures" / "plugins"
 WIDTH = 640
-SHIPPED = {"hexagonal": ["hexagonal.xml", "-D", "fz=-10"]}
-"""Pictures of the gallery whose scene ships with the package."""
+ARGUMENTS = {
+    "hexagonal": ["hexagonal.xml", "-D", "fz=-10"],  # ships with the package
+    "rounded_edges": ["rounded_edges.xml", "-D", "fz=0"],
+}
+"""Scene and parameters of pictures of the gallery that are not those of a file with its defaults."""
 REGIONS = {"roof": (0.9, 0.35, 0.05), "side": (0.85, 0.65, 0.05), "top": (0.05, 0.2, 0.6), "outer": (0.3, 0.5, 0.8)}
 """Linear colours of the regions of a pad, in the picture of `region`."""
 SAMPLES = 1 << 20
@@ -53,7 +56,7 @@ def write_small(full: Path, file: Path) -> None:
 
 
 def draw_gallery(name: str) -> None:
-    sensor_picture(GALLERY / f"{name}.png", *SHIPPED.get(name, [f"{name}.xml"]))
+    sensor_picture(GALLERY / f"{name}.png", *ARGUMENTS.get(name, [f"{name}.xml"]))
 
 
 def draw_deformable_pad(file: Path) -> None:
@@ -241,7 +244,7 @@ OF_PLUGINS: dict[str, Callable[[Path], None]] = {
 
 def main(names: list[str]) -> None:
     mi.set_variant("llvm_ad_mono")
-    scenes = [*(file.stem for file in sorted(GALLERY.glob("*.xml"))), *SHIPPED]
+    scenes = list(dict.fromkeys([*(file.stem for file in sorted(GALLERY.glob("*.xml"))), *ARGUMENTS]))
     for name in names or [*scenes, *OF_PLUGINS]:
         print(name, flush=True)
         if name in OF_PLUGINS:
