@@ -20,6 +20,9 @@ from mitsuba_taxel.geometry.volume_mesh import VolumeMesh
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 
 _JOB = "pad"
+SOLVERS = ("SPOOLES", "ITERATIVE CHOLESKY", "ITERATIVE SCALING")
+"""Linear solvers of CalculiX, by the names of its input: a direct one, its default, and conjugate gradients with an
+incomplete Cholesky factor or with the diagonal as preconditioner."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,14 @@ def require() -> None:
         raise ComputationError("ccx (CalculiX) is not installed: install it for this comparison.")
 
 
-def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], threads: int = 1) -> CalculixRun:
+def solve(
+    mesh: VolumeMesh,
+    material: NeoHookean,
+    force: Sequence[float],
+    threads: int = 1,
+    solver: str = SOLVERS[0],
+    seconds: float | None = None,
+) -> CalculixRun:
     """Compute, by CalculiX, the deformation of a pad that is glued to the board, under a dead load spread over its
     undeformed top.
 
@@ -80,18 +90,22 @@ def solve(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], thread
         Total force (Fx, Fy, Fz) in N.
     threads : int
         Number of threads of CalculiX.
+    solver : str
+        Linear solver, one of :data:`SOLVERS`.
+    seconds : float, optional
+        Longest wall time in s; by default there is no limit.
 
     Raises
     ------
     InputError
         if the material is incompressible.
     ComputationError
-        if CalculiX ends before the whole load is applied.
+        if CalculiX ends before the whole load is applied, or takes longer.
     """
-    return run(deck(mesh, material, force), len(mesh.points), threads)
+    return run(deck(mesh, material, force, solver), len(mesh.points), threads, seconds)
 
 
-def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
+def run(text: str, nodes: int, threads: int = 1, limit: float | None = None) -> CalculixRun:
     """Run CalculiX on an input text.
 
     Parameters
@@ -102,6 +116,8 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
         Number of these nodes.
     threads : int
         Number of threads of CalculiX.
+    limit : float, optional
+        Longest wall time in s; by default there is no limit.
 
     Returns
     -------
@@ -111,14 +127,19 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
     Raises
     ------
     ComputationError
-        if CalculiX fails.
+        if CalculiX fails, or does not end in this time.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         folder.joinpath(f"{_JOB}.inp").write_text(text, encoding="utf-8")
         environment = {**os.environ, "OMP_NUM_THREADS": str(threads)}
         start = time.perf_counter()
-        process = subprocess.run(["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True)
+        try:
+            process = subprocess.run(
+                ["ccx", _JOB], cwd=folder, env=environment, capture_output=True, text=True, timeout=limit
+            )
+        except subprocess.TimeoutExpired:
+            raise ComputationError(f"ccx did not end within {limit:g} s.") from None
         seconds = time.perf_counter() - start
         if process.returncode:
             raise ComputationError(f"ccx stopped: {_complaint(process.stdout + process.stderr)}.")
@@ -129,11 +150,11 @@ def run(text: str, nodes: int, threads: int = 1) -> CalculixRun:
         return CalculixRun(displacement, force, *on_board, seconds, increments, len(convergence))
 
 
-def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float]) -> str:
+def deck(mesh: VolumeMesh, material: NeoHookean, force: Sequence[float], solver: str = SOLVERS[0]) -> str:
     """Input text of CalculiX for :func:`solve`: a pad under a dead load spread over its top."""
     load = nodal_forces(mesh, force)
     lines = pad_lines(mesh, material)
-    lines += ["*STEP, NLGEOM", "*STATIC", "*CLOAD"]
+    lines += ["*STEP, NLGEOM", f"*STATIC, SOLVER={solver}", "*CLOAD"]
     lines += [f"{n + 1},{axis + 1},{load[n, axis]:.13e}" for n, axis in np.argwhere(load)]
     lines += ["*NODE PRINT, NSET=PAD, FREQUENCY=1000000", "U", "*END STEP", ""]  # after the last increment only
     return "\n".join(lines)

@@ -48,6 +48,10 @@ REFERENCE_SIZE = 0.28
 """Mesh size in mm of the reference under a normal load, which needs only an eighth of the pad."""
 TANGENTIAL_REFERENCE_SIZE = 0.5
 """Mesh size in mm of the reference under a tangential load, which needs half of the pad."""
+COMPARED_SIDES = (3, 6)
+"""Rows and columns of cells of the pads that CalculiX solves too."""
+PEER_SECONDS = 3600.0
+"""Longest wall time in s of a solution by CalculiX."""
 
 
 def solve_table() -> Iterator[tuple[object, ...]]:
@@ -81,24 +85,33 @@ def solve_table() -> Iterator[tuple[object, ...]]:
                 yield (f"ccx, {threads} threads", size, str(reason), "", "", "")
 
 
-def _own(pad: Pad, size: float, symmetric: bool, solver: str) -> tuple[float, float]:
-    """Solve a pad with this package. Returns the mean displacement of the centre roof in mm, and the seconds including
-    meshing."""
+def _own(
+    pad: Pad, size: float, symmetric: bool, solver: str, force: tuple[float, ...] = FORCE, cell: int = CELL
+) -> tuple[float, float]:
+    """Solve a pad with this package. Returns the mean displacement of the roof of a cell in mm, and the seconds
+    including meshing."""
     start = time.perf_counter()
     mesh = mesh_pad(pad, size)
     images, mirrors = (node_images(mesh), MIRRORS) if symmetric else ({}, ())
     loaded = LoadedPad(mesh, MATERIAL, SpreadForce(), mirrors, images, solver)
-    solution, _ = loaded.solve(np.zeros(loaded.unknowns), np.array(FORCE))
+    solution, _ = loaded.solve(np.zeros(loaded.unknowns), np.array(force))
     displacement = loaded.split(solution.unknowns)[0]
-    return mean_roof_displacement(mesh, displacement, CELL), time.perf_counter() - start
+    return mean_roof_displacement(mesh, displacement, cell), time.perf_counter() - start
 
 
-def _peer(pad: Pad, size: float, threads: int) -> tuple[float, float]:
-    """Solve a pad with CalculiX on the same mesh. Returns the mean displacement of the centre roof in mm, and the
+def _peer(
+    pad: Pad,
+    size: float,
+    threads: int,
+    solver: str = calculix.SOLVERS[0],
+    force: tuple[float, ...] = FORCE,
+    cell: int = CELL,
+) -> tuple[float, float]:
+    """Solve a pad with CalculiX on the same mesh. Returns the mean displacement of the roof of a cell in mm, and the
     seconds without meshing and without writing the input."""
     mesh = mesh_pad(pad, size)
-    result = calculix.solve(mesh, MATERIAL, FORCE, threads)
-    return mean_roof_displacement(mesh, result.displacement, CELL), result.seconds
+    result = calculix.solve(mesh, MATERIAL, force, threads, solver, PEER_SECONDS)
+    return mean_roof_displacement(mesh, result.displacement, cell), result.seconds
 
 
 def paths_table() -> Iterator[tuple[object, ...]]:
@@ -147,29 +160,61 @@ def _path_errors(pad: Pad, last: tuple[float, ...], size: float) -> tuple[float,
 
 
 def cells_table() -> Iterator[tuple[object, ...]]:
-    """Table of seconds and memory of a load path to the same pressure, for several numbers of cells."""
-    yield "cells", "load", "unknowns", "seconds", "MB"
+    """Table of seconds and memory of a load path to the same pressure, for several numbers of cells; and of one
+    solution by this package and by CalculiX with direct and iterative solvers, on the same mesh."""
+    yield "cells", "load", "unknowns", "seconds", "MB", "roof mm"
     timings: dict[str, list[tuple[int, float, float]]] = {"normal": [], "tangential": []}
     for load, sides in (("normal", (1, 2, 3, 6, 9, 12)), ("tangential", (1, 2, 3, 4, 6))):
         for side in sides:
             unknowns, seconds, memory = _isolated(_grown, side, load)
             timings[load].append((side * side, seconds, memory))
-            yield f"{side} x {side}", load, unknowns, f"{seconds:.1f}", f"{memory:.0f}"
+            yield f"{side} x {side}", load, unknowns, f"{seconds:.1f}", f"{memory:.0f}", ""
     # Extrapolate by a power law through the three largest pads.
     for load, rows in timings.items():
         cells, seconds, memory = np.log(np.array(rows[-3:], dtype=float)).T
         for quantity, figures in (("seconds", seconds), ("MB", memory)):
             exponent, offset = np.polyfit(cells, figures, 1)
             at_32 = np.exp(offset + exponent * np.log(32 * 32))
-            yield f"{load}: {quantity} ~ cells^{exponent:.2f}", f"32 x 32 would take {at_32:.0f}", "", "", ""
+            yield f"{load}: {quantity} ~ cells^{exponent:.2f}", f"32 x 32 would take {at_32:.0f}", "", "", "", ""
+    for side in COMPARED_SIDES:
+        yield from _compared_programs(side)
+
+
+def _compared_programs(side: int) -> Iterator[tuple[object, ...]]:
+    """Rows for one solution of ``side`` x ``side`` cells under a normal load, on the default mesh, by this package with
+    and without the symmetry of the pad, and by each solver of CalculiX, which ignores symmetry."""
+    pad = Pad(rows=side, columns=side)
+    size, force = pad.default_mesh_size, _grown_force(pad, "normal")
+    middle = side // 2 * side + side // 2 + 1
+    systems: dict[str, tuple[object, ...]] = {
+        "ours": (_own, pad, size, True, "rslab", force, middle),
+        "ours, whole pad": (_own, pad, size, False, "rslab", force, middle),
+    }
+    if calculix.installed():
+        for solver in calculix.SOLVERS:
+            systems[f"ccx, {solver.lower()}"] = _peer, pad, size, 1, solver, force, middle
+    for system, (function, *arguments) in systems.items():
+        try:
+            assert callable(function)
+            roof, seconds, memory = _isolated(function, *arguments)
+            yield f"{side} x {side}", f"normal: {system}", "", f"{seconds:.1f}", f"{memory:.0f}", f"{roof:.6f}"
+        except ComputationError as reason:
+            yield f"{side} x {side}", f"normal: {system}", str(reason), "", "", ""
+    if not calculix.installed():
+        yield f"{side} x {side}", "ccx is not installed", "", "", "", ""
+
+
+def _grown_force(pad: Pad, load: str) -> tuple[float, float, float]:
+    """Force in N of the same pressure on pads of any size: 20 N on 3 x 3 cells if it is normal."""
+    pressure = 20 / (9.65 * 9.65) * pad.extent[0] * pad.extent[1]
+    return (0.0, 0.0, -pressure) if load == "normal" else (0.2 * pressure, 0.0, -0.4 * pressure)
 
 
 def _grown(side: int, load: str) -> tuple[int, float]:
     """Solve a pad of ``side`` x ``side`` cells under a pressure that is the same for all sizes. Returns the number of
     unknowns and the seconds."""
     pad = Pad(rows=side, columns=side)
-    pressure = 20 / (9.65 * 9.65) * pad.extent[0] * pad.extent[1]
-    force = (0.0, 0.0, -pressure) if load == "normal" else (0.2 * pressure, 0.0, -0.4 * pressure)
+    force = _grown_force(pad, load)
     start = time.perf_counter()
     state = load_path(pad, MATERIAL, [force])[0]
     return 3 * len(state.mesh.points) + state.mesh.corner_count, time.perf_counter() - start
