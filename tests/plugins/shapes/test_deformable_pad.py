@@ -28,6 +28,7 @@ from mitsuba_taxel.mechanics import (
     tessellate,
 )
 from mitsuba_taxel.pads import REGIONS
+from mitsuba_taxel.sensing.scene.clearance import packages
 from mitsuba_taxel.sensing.scene.description import Scene as OpticsScene
 from mitsuba_taxel.sensing.scene.taxels import taxels_of
 from mitsuba_taxel.studies import deform
@@ -273,6 +274,21 @@ def test_what_touches_a_package_is_not_read_by_mitsuba_s_own_integrators_or_writ
         measure(OpticsScene.from_file(file))
     with pytest.raises(ComputationError, match="touches a package"):
         deform(file, {}, tmp_path / "meshes")
+
+
+def test_packages_are_tested_again_only_where_they_were_moved(loaded, monkeypatch):
+    """One that is raised by 0.02 mm, more than it was below the roof, touches the pad."""
+    pad, scene = loaded(FORCE.format("0, 0, -1.25"), TALL)
+    tested, state_under = [], type(pad).state_under
+    monkeypatch.setattr(type(pad), "state_under", lambda *all: tested.append(1) or state_under(*all))
+    (package,) = packages(scene)
+    assert not pad.heed(package) and not tested
+    assert not pad.heed(package - (0, 0, 0.1)) and len(tested) == 1
+    with pytest.raises(ComputationError, match="touches a package"):
+        pad.heed(package + (0, 0, 0.02))
+    assert len(tested) == 2
+    pad.take(load_path(PAD, NeoHookean(), [(0.0, 0.0, -1.0)], mesh_size=SIZE)[0])
+    assert not pad.heed(package) and len(tested) == 3
 
 
 def test_a_package_in_the_silicone_is_refused_at_rest(loaded):
