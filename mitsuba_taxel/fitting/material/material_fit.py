@@ -230,12 +230,14 @@ def rank_laws(
         fits = [_with_unknown_slacks(fit, with_slacks) for fit in fits]
     reach = max(curve.largest_stretch for curve in curves)
     fits = _ranked([_refused_where_unstable(fit, reach) for fit in fits])
-    refuse_percent(curves, fits[0])
+    if len(candidates) == len(CANDIDATES):
+        refuse_percent(curves, fits[0])
     if fits[0].refusal:
         raise InputError(f"no law follows the tests: {fits[0].candidate.label} is refused, as {fits[0].refusal}")
 
     best = fits[0]
-    refuse_contradicting_kinds(curves, noises, best)
+    if len(candidates) == len(CANDIDATES):
+        refuse_contradicting_kinds(curves, noises, best)
 
     # Doubts and notes.
     warnings += softer_than_all(curves, best)

@@ -32,8 +32,8 @@ MOST_CONSTANTS = 3
 def refuse_percent(curves: Sequence[StressCurve], best: LawFit) -> None:
     """Refuse strains without a unit that seem to be in percent.
 
-    In percent, the curve of a small strain is nearly straight. No law of silicones is straight over the same numbers
-    taken as fractions.
+    In percent, the curve of a small strain is nearly straight, as that of a neo-Hookean solid. No law of silicones is
+    straight over the same numbers taken as fractions.
 
     Parameters
     ----------
@@ -45,22 +45,23 @@ def refuse_percent(curves: Sequence[StressCurve], best: LawFit) -> None:
     Raises
     ------
     InputError
-        if no law follows the tests within three times their noise, but one does within 1.5 times their noise if the
-        strains without a unit are in percent; the message names the row of the largest strain.
+        if no law follows the tests within three times their noise, but a neo-Hookean one does within 1.5 times their
+        noise, or three times as well, if the strains without a unit are in percent; the message names the row of the
+        largest strain.
     """
     doubtful = [curve for curve in curves if curve.without_unit]
     if not doubtful or best.misfit <= POOR:
         return
     scaled = [replace(curve, strain=curve.strain / 100) if curve.without_unit else curve for curve in curves]
-    fit = _best(scaled, [curve_noise(curve) for curve in scaled])
-    if fit is None or fit.misfit > FOLLOWED:
+    fit = _best(scaled, [curve_noise(curve) for curve in scaled], most_constants=1)
+    if fit is None or (fit.misfit > FOLLOWED and POOR * fit.rms > best.rms):
         return
     curve = max(doubtful, key=lambda curve: float(np.abs(curve.strain).max()))
     row = int(np.abs(curve.strain).argmax())
     raise InputError(
         f"test {curve.file!r}, line {curve.lines[row]}: a strain of {curve.strain[row]:.4g} seems to be in percent: "
-        f"{fit.candidate.label} then follows the test, and no law does if it is a fraction. The heading 'strain [%]' "
-        "is needed, or 'strain [1]' for fractions."
+        "the curve is then as straight as it must be, and no law follows it if it is a fraction. The heading "
+        "'strain [%]' is needed, or 'strain [1]' for fractions."
     )
 
 
@@ -141,9 +142,11 @@ def _miss(curve: StressCurve, noise: CurveNoise, stress: np.ndarray) -> np.ndarr
     return np.where(counts, difference / np.maximum(np.abs(smooth), 1e-300), 0.0)
 
 
-def _best(curves: list[StressCurve], noises: list[CurveNoise]) -> LawFit | None:
+def _best(
+    curves: list[StressCurve], noises: list[CurveNoise], most_constants: int = MOST_CONSTANTS
+) -> LawFit | None:
     """The fit with the smallest residuals of the laws with few constants; None if there are too few rows."""
     tests = Tests(curves, noises)
-    fits = [fit_law(law, tests) for law in CANDIDATES if len(law.names) <= MOST_CONSTANTS]
+    fits = [fit_law(law, tests) for law in CANDIDATES if len(law.names) <= most_constants]
     found = [fit for fit in fits if fit is not None]
     return min(found, key=lambda fit: fit.misfit) if found else None
