@@ -31,8 +31,8 @@ from ..options import Fraction, NewFile, debug_option, defines_option, json_opti
 )  # fmt: skip
 @click.option(
     "--friction", is_flag=True,
-    help="With --contact: the .npz file also has tangential compliances, for `FrictionPads`; the linear part takes about "
-    "four times as long.",
+    help="With --contact: the .npz file also has tangential compliances, for `FrictionPads`; the linear part takes "
+    "about four times as long.",
 )  # fmt: skip
 @defines_option
 @json_option
