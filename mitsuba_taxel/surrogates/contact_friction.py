@@ -78,6 +78,7 @@ class FrictionPads:
         if model.tangential is None or model.tangential_gradient is None or model.lateral is None:
             raise InputError("this model has no friction: make it by contact_model or export_contact, friction=True.")
         self._model, self._friction, self._lateral = model, float(friction), model.lateral
+        self._gradient = model.tangential_gradient
         patches = len(model.compliance)
         self._compliance = model.tangential.reshape(2 * patches, 2 * patches)
         least, largest = np.linalg.eigvalsh(self._compliance)[[0, -1]]
@@ -147,7 +148,7 @@ class FrictionPads:
 
         # Readings and wrench with the tangential forces, at the height of the body's surface and the displaced places.
         forces, dragged = (np.where(usable[:, None, None], values, np.nan) for values in (forces, dragged))
-        change = np.einsum("tam,bam->bt", model.tangential_gradient, forces)
+        change = np.einsum("tam,bam->bt", self._gradient, forces)
         along_x, along_y = forces.transpose(1, 0, 2)
         height, places = model.height - np.maximum(shifted[:, covered], 0.0), model.points[covered][:, :2].T + dragged
         moved = (dragged * normal[:, None]).sum(axis=2)

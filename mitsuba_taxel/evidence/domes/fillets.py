@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from mitsuba_taxel.base.files.atomic import write_text
 from mitsuba_taxel.base.files.markdown import markdown_table
@@ -22,7 +22,7 @@ from mitsuba_taxel.pads.parametric.pad import Pad
 from mitsuba_taxel.sensing.derivatives.diffuse_derivatives import derivatives_by
 from mitsuba_taxel.sensing.derivatives.scene_rates import rates
 
-EDGES: dict[str, dict[str, float]] = {
+EDGES: dict[str, dict[str, Any]] = {
     "sharp": {},
     "fillet 0.2 mm": {"fillet": 0.2},
     "all fillets 0.2 mm": {"fillet": 0.2, "mouth_fillet": 0.2, "outer_fillet": 0.2},

@@ -18,11 +18,13 @@ CLEAR = 10.0
 """Computed change, in percent of that of the held taxel, from which ratios are averaged."""
 
 
-def maps_section(maps: Sequence[HeldMapComparison], middle: np.ndarray) -> str:
-    """Text of the section on held taxels. ``maps`` are the measured maps of all taxels while one is held; ``middle``
-    (5, 5) is the computed map while the middle taxel is held.
+def maps_section(maps: Sequence[HeldMapComparison], own: Mapping[int, float]) -> str:
+    """Text of the section on held taxels.
+
+    ``maps`` are the measured and computed maps of all taxels while one is held. ``own`` are the sensitivities of taxels
+    that were pressed themselves, relative to the computed ones.
     """
-    numbers = " and ".join(str(each.taxel) for each in maps)
+    numbers = ", ".join(str(each.taxel) for each in maps)
     return f"""\
 ### All taxels while taxels {numbers} are held
 {paragraph(_verdict(maps))}
