@@ -6,6 +6,7 @@ fraction of the error of the triangles, and it rounds edges by about the spacing
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +29,12 @@ SAMPLE_SPACING = 0.5
 many samples."""
 ALIKE = 1e-9
 """Difference in distance, in cells, of triangles that share the nearest point."""
+STEEP = 60.0
+"""Angle in degrees, from the horizontal, above which a surface is a steep wall."""
+ROUNDED = 1.5
+"""Height in cells of the grid below which walls are rounded by the spline."""
+SYMMETRIC = 1e-9
+"""Largest difference, in cells of the grid, of distances from a symmetric surface and from its mirror image."""
 POINTS_AT_ONCE = 20_000
 
 _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6
@@ -59,7 +66,10 @@ class SolidDistance:
         high[2] = min(high[2], (high - low)[:2].max())
         self.spacing = float((high - low).max()) / CELLS
         self._first = low - MARGIN * self.spacing
-        self._counts = np.ceil((high - self._first) / self.spacing).astype(int) + 1 + MARGIN
+        self._counts = np.ceil((high - self._first) / self.spacing - ALIKE).astype(int) + 1 + MARGIN
+        # The grid is centred on the box of the surface, so that it shares the mirrors of the body.
+        self._first[:2] = (0.5 * (low + high - (self._counts - 1) * self.spacing))[:2]
+        self._mirrors: dict[bytes, bool] = {}
 
     def at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Distances (n,) in mm of points (n, 3), with their first (n, 3) and second (n, 3, 3) derivatives."""
@@ -70,6 +80,33 @@ class SolidDistance:
         distance_beyond = np.linalg.norm(beyond, axis=1)
         slope = np.where(beyond == 0, slope, 0.0) + unit(beyond)
         return size + distance_beyond, slope, np.where(distance_beyond[:, None, None] > 0, 0.0, curvature)
+
+    def walls(self, height: float) -> np.ndarray:
+        """Positions (n, 2) in mm, along x and y, of those nodes of the footprint at a height in mm that lie at its edge
+        where the surface is steeper than `STEEP`. Below `ROUNDED` cells the spline rounds edges: they are searched
+        there."""
+        height = max(height, ROUNDED * self.spacing)
+        x, y = (self._first[k] + self.spacing * np.arange(self._counts[k]) for k in (0, 1))
+        points = np.stack(np.meshgrid(x, y, [height], indexing="ij"), axis=-1).reshape(-1, 3)
+        size, slope, _ = self.at(points)
+        inside = np.pad((size <= 0).reshape(len(x), len(y)), 1)
+        surrounded = inside[:-2, 1:-1] & inside[2:, 1:-1] & inside[1:-1, :-2] & inside[1:-1, 2:]
+        at_edge = (inside[1:-1, 1:-1] & ~surrounded).ravel()
+        return points[at_edge & (np.abs(slope[:, 2]) < math.cos(math.radians(STEEP))), :2]
+
+    def keeps(self, mirror: np.ndarray) -> bool:
+        """Whether the distances are symmetric in a mirror, given as a matrix (3, 3): at every second node of the
+        grid near the surface, they are those at the mirror image of the node, to `SYMMETRIC` cells."""
+        key = np.round(mirror, 12).tobytes()
+        if key not in self._mirrors:
+            axes = [self._first[k] + self.spacing * np.arange(self._counts[k]) for k in range(3)]
+            inner = [axis[RIM:-RIM:2] for axis in axes]
+            nodes = np.stack(np.meshgrid(*inner, indexing="ij"), axis=-1).reshape(-1, 3)
+            distance = self.at(nodes)[0]
+            near = np.abs(distance) < 2 * self.spacing
+            image = self.at(nodes[near] @ mirror.T)[0]
+            self._mirrors[key] = bool(np.abs(image - distance[near]).max() <= SYMMETRIC * self.spacing)
+        return self._mirrors[key]
 
     def footprint(self, height: float) -> np.ndarray:
         """Positions (n, 2) in mm, along x and y, of nodes that are inside the body at a height in mm above its lowest
@@ -100,6 +137,11 @@ class SolidDistance:
         curvature = np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], axis=1).reshape(-1, 3, 3)
         return size, np.stack([dx, dy, dz], axis=1), curvature
 
+    @property
+    def _top(self) -> float:
+        """Height in mm below which the surface is used."""
+        return float(self._first[2] + self._counts[2] * self.spacing)
+
     @cached_property
     def _coefficients(self) -> np.ndarray:
         from scipy import ndimage  # here, as only bodies from files need it
@@ -120,7 +162,7 @@ class SolidDistance:
     def _unsigned(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances (n,) of points (n, 3) without a sign, and whether they are inside according to the nearest
         triangle."""
-        samples, owner = _samples(self._corners, self.spacing, self._first[2] + self._counts[2] * self.spacing)
+        samples, owner = _samples(self._corners, self.spacing, self._top)
         boxes = np.floor((samples - self._first) / (SAMPLE_SPACING * self.spacing)).astype(int)
         sparse_samples = np.unique(boxes, axis=0, return_index=True)[1]
         tree, coarse_tree = PointTree(samples), PointTree(samples[sparse_samples])

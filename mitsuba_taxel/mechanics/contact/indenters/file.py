@@ -14,6 +14,7 @@ from mitsuba_taxel.geometry.mirror import Mirror
 from mitsuba_taxel.geometry.point_tree import PointTree
 from mitsuba_taxel.geometry.surfaces.cutaway import cut_open
 from mitsuba_taxel.mechanics.contact.indenter_shape import Gap, IndenterShape
+from mitsuba_taxel.mechanics.contact.indenters.punch import EDGE_FINENESS
 from mitsuba_taxel.mechanics.contact.solid import Solid, content_of, solid_in
 from mitsuba_taxel.pads.imported.placement import Placement
 
@@ -52,17 +53,22 @@ class File(IndenterShape, name="file", rank=4):
         return Gap(*self.solid.distance.at(points))
 
     def keeps(self, mirror: Mirror) -> bool:
-        """Whether the body is symmetric in a mirror: always False, because the symmetries of a file are unknown."""
-        return False
+        """Whether the body is symmetric in a mirror: the mirror image of its surface lies on its surface."""
+        return self._keeps_tip(mirror) and self.solid.distance.keeps(self.turn.T @ mirror.image(np.eye(3)) @ self.turn)
 
     def contact_radius(self, depth: float) -> float:
         """Half the width of the contact: the radius of the circle with the area of the contact at the depth."""
         distance = self.solid.distance
         return distance.spacing * math.sqrt(len(distance.footprint(depth)) / (2 * math.pi))
 
+    def pressure_length(self, depth: float) -> float:
+        radius = self.contact_radius(depth)
+        return EDGE_FINENESS * radius if len(self.solid.distance.walls(depth)) else radius
+
     def own_distance_to_steepest_pressure(self, points: np.ndarray, depth: float) -> np.ndarray:
-        """Distances of points from the contact area, in mm. The pressure under a body from a file may be steep anywhere
-        in the contact area, so elements are refined in all of it.
+        """Distances of points, in mm, from the edges of the contact area at steep walls of the body, such as those of a
+        slot or a flat end. Without such walls, the pressure may be steep anywhere in the contact area: distances are
+        those from all of it.
         """
         footprint = self.solid.distance.footprint(depth)
         if not len(footprint):
@@ -71,6 +77,8 @@ class File(IndenterShape, name="file", rank=4):
                 f"{self.size_text} is not allowed: {' x '.join(f'{side:.3g}' for side in size)} mm is too small a body "
                 f"for a depth of {depth:.3g} mm{self._placement.other_units(float(size.max()))}."
             )
+        if len(walls := self.solid.distance.walls(depth)):
+            footprint = walls
         level = PointTree(np.append(footprint, np.zeros((len(footprint), 1)), axis=1))
         return level.query(points)[0]
 
