@@ -131,7 +131,8 @@ def first_contact(
         assert end.value is not None
         increase = float((end.value - value) @ change.load / (change.load @ change.load))
         if end.contact is None:
-            return replace(_end_by_instability(at, along, last, increase, names), ended=str(end))
+            # The message alone: its comparison with a second mesh would double the time of every design.
+            return replace(_end_by_instability(at, along, last, increase, names), ended=str(end.args[0]))
         contact, scene = end.contact, at(last + (1 - BEFORE) * increase)
     else:
         return FirstContact(furthest, np.zeros(len(names)), "")
