@@ -25,8 +25,8 @@ def test_tutorial(page, tmp_path, solutions):
     assert done.returncode == 0, done.stdout[-6000:]
 
 
-def test_all_fourteen_are_there():
-    assert len(PAGES) == 16
+def test_all_are_there():
+    assert len(PAGES) == 17
 
 
 @pytest.mark.parametrize(
