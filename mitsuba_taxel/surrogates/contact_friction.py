@@ -78,8 +78,7 @@ class FrictionPads:
         if model.tangential is None or model.tangential_gradient is None or model.lateral is None:
             raise InputError("this model has no friction: make it by contact_model or export_contact, friction=True.")
         self._model, self._friction, self._lateral = model, float(friction), model.lateral
-        self._gradient = model.tangential_gradient
-        patches = len(model.compliance)
+        self._gradient, patches = model.tangential_gradient, len(model.compliance)
         self._compliance = model.tangential.reshape(2 * patches, 2 * patches)
         least, largest = np.linalg.eigvalsh(self._compliance)[[0, -1]]
         if least <= 0:
