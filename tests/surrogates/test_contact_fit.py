@@ -24,7 +24,7 @@ from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.derivatives.wall_gradient import WallGradient
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 from mitsuba_taxel.specification.wall import Wall
-from mitsuba_taxel.surrogates import ContactModel, contact_model
+from mitsuba_taxel.surrogates import ContactModel, FrictionPads, contact_model
 from mitsuba_taxel.surrogates.contact_readings import NOT_A_NUMBER, NOT_RESOLVED, NOT_SOLVED, TOO_DEEP, TOO_FAR
 from mitsuba_taxel.surrogates.contact_states import Touch, solved_touch
 
@@ -180,3 +180,36 @@ def test_full_solutions_are_those_of_a_scene_with_the_body():
     state = load_path(PAD, silicone, [(0, 0, -0.3)], load=IndenterDisplacement(touch.indenter()))[0]
     reaction = reactions(state).applied_force
     assert solved.force[1] == pytest.approx(reaction, abs=1e-6 * abs(reaction[2]))
+
+
+@pytest.fixture(scope="module")
+def with_friction():
+    return contact_model(SENSOR.scene(), 0.25, spacing=SPACING, mesh_size=SIZE, friction=True)
+
+
+@pytest.mark.parametrize(
+    ("radius", "place", "depth", "friction", "slides"),
+    [
+        (2.0, (0.0, 0.0), 0.2, 0.4, [(0.03, 0.0), (0.15, 0.0), (0.05, 0.0)]),
+        (5.0, (0.3, -0.2), 0.2, 0.25, [(0.0, 0.1), (-0.2, 0.15)]),
+    ],
+)
+def test_a_ball_that_slides_is_as_in_the_full_solution(with_friction, radius, place, depth, friction, slides):
+    """The bounds are those of few patches, four to fourteen of which are in contact, and of large strains."""
+    model, pads, last = with_friction, FrictionPads(with_friction, 1, friction), np.zeros(2)
+    cells = DiffuseCells(SENSOR.scene().load())
+    load = IndenterDisplacement(Indenter(radius=radius, at=place, friction=friction))
+    values = [(*slide, -depth) for slide in [(0.0, 0.0), *slides]]
+    for value, state in zip(values, load_path(PAD, SILICONE, values, load=load, mesh_size=1.5), strict=True):
+        now = np.array(value[:2])
+        across = model.points[..., :2] - place - now
+        squares = (across**2).sum(axis=-1)
+        maps = depth - radius + np.sqrt(np.maximum(radius**2 - squares, 0.0))
+        found = pads.step(np.where(squares < radius**2, maps, -1.0)[None], (now - last)[None]).readings
+        last, full = now, reactions(state)
+        scale = friction * abs(full.applied_force[2])
+        assert found.force[0, 2] == pytest.approx(full.applied_force[2], rel=0.05)
+        np.testing.assert_allclose(found.force[0, :2], full.applied_force[:2], rtol=0, atol=0.08 * scale)
+        np.testing.assert_allclose(found.moment[0], full.applied_moment, rtol=0, atol=0.08 * scale * PAD.height)
+        change = WallGradient(cells, state).power - model.rest
+        np.testing.assert_allclose(found.power[0] - model.rest, change, rtol=0.08)  # the rest is of second order
