@@ -66,8 +66,6 @@ def command(
     given: dict[str, Any] = {"--depth": depth, "--error": error, "--spacing": spacing, "--friction": friction or None}
     given["-D"] = defines or None
     if contact and source.suffix == ".npz":
-        given: dict[str, Any] = {"--depth": depth, "--error": error, "--spacing": spacing}
-        given |= {"--friction": friction or None, "-D": defines or None}
         _convert_contact(ctx, source, output, given, as_json)
         return
     if contact:
@@ -77,8 +75,6 @@ def command(
             raise click.UsageError(f"--friction needs an .npz file: models in {output.suffix} have no friction.", ctx)
         _export_contact(ctx, source, output, depth, error or 0.01, spacing, friction, defines, as_json)
         return
-    given = {"--depth": depth, "--error": error, "--spacing": spacing, "--friction": friction or None}
-    given |= {"-D": defines or None}
     for name, value in given.items():
         if value is not None:
             raise click.UsageError(f"{name} needs --contact.", ctx)
