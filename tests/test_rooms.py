@@ -21,12 +21,14 @@ TOGETHER = {
     "docs": {"docstrings", "engine_stubs", "pages"},
     "mechanics": {
         "benchmarks_of_the_literature", "block", "closed_forms", "contact_with_packages", "energy",
-        "shape_sensitivities", "softened_path", "touching_under_indenters", "wrench",
+        "shape_sensitivities", "softened_path", "symmetric_solid", "touching_under_indenters", "wrench",
     },
     "optimum": {"thin_roof"},
     "pads": {"blunt_edges", "file_meshing"},
     "plugins": {"led_on_rectangle"},
-    "sensing": {"coat_normals", "finish", "image_errors", "own_coat", "prints", "touch_maps"},
+    "sensing": {
+        "camera_lights", "coat_normals", "coat_regions", "finish", "image_errors", "own_coat", "prints", "touch_maps",
+    },
     "surrogates": {"contact_forms"},
 }  # fmt: skip
 """Tests of what several files of a room do together; all of ``tests/properties`` are."""
