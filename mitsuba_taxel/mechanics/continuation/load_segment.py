@@ -189,8 +189,7 @@ class LoadSegment:
 
             # The first contact ends the segment.
             for node in nodes:
-                self.nodes.append(node)
-                self._look_for_contact(pad, contact)
+                self._add(node, pad, contact)
                 if math.isfinite(self.limit):
                     break
 
@@ -268,6 +267,20 @@ class LoadSegment:
         error = math.sqrt(np.square(correction[:displacements]).mean())
         return bool(error <= self.tolerance * np.abs(unknowns[:displacements]).max())
 
+    def _add(self, node: Node, pad: Followed, contact: ContactTest) -> None:
+        """Append a solved state, and end the segment at a contact before it. If the test for contacts is interrupted,
+        the segment stays as it was: a state that is not tested would be stored, and hide the first contact.
+        """
+        end = self.limit, self.reason, self.place
+        try:
+            self.limit = math.inf
+            self.nodes.append(node)
+            self._look_for_contact(pad, contact)
+        except BaseException:
+            self.nodes = [known for known in self.nodes if known is not node]
+            self.limit, self.reason, self.place = end
+            raise
+
     def _look_for_contact(self, pad: Followed, test: ContactTest) -> None:
         """If the pad is in contact at the last solved state, find the first contact after the previous solved state,
         and end the segment there.
@@ -288,9 +301,7 @@ class LoadSegment:
         node : Node
             Last stable state. It is not used if the pad touches something at a smaller load.
         """
-        self.limit = math.inf
-        self.nodes.append(node)
-        self._look_for_contact(pad, contact)
+        self._add(node, pad, contact)
         if math.isinf(self.limit):
             self.limit, self.mode = node.s, mode
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mitsuba_taxel.mechanics.contact.barriers.self_contact import Contact
 from mitsuba_taxel.mechanics.continuation.load_segment import LoadSegment
 from mitsuba_taxel.mechanics.equilibrium.natural_step import TICKS
 from mitsuba_taxel.mechanics.equilibrium.solution import Rejected, Solution
@@ -99,3 +100,28 @@ def test_soft_pads_begin_with_short_steps_which_grow():
     again = LoadSegment(np.zeros(1), np.ones(1), 1.0, judged=False)
     again.restore(segment.arrays())
     assert again.tick == segment.tick
+
+
+@pytest.mark.parametrize("interrupt", [KeyboardInterrupt, MemoryError])
+@pytest.mark.parametrize("first", [1.3, 2.6])
+def test_a_contact_is_found_again_after_its_test_was_interrupted(first, interrupt):
+    """The curve s touches something from ``first`` on; the test at the first state beyond is interrupted once."""
+    curve, interrupted = Curve(lambda s: s, lambda s: 1.0), []
+    segment = LoadSegment(np.zeros(1), np.ones(1), 1.0, judged=False)
+
+    def find(displacement):
+        if displacement[0] <= first:
+            return None
+        if not interrupted:
+            interrupted.append(displacement[0])
+            raise interrupt
+        return Contact("something", (displacement[0], 0.0, 0.0))
+
+    curve.find = find
+    with pytest.raises(interrupt):
+        segment.extend(curve, 4.0, lambda: np.zeros(1), curve, lambda: False)
+    resumed = LoadSegment(np.zeros(1), np.ones(1), 1.0, judged=False)
+    resumed.restore(segment.arrays())
+    resumed.extend(curve, 4.0, lambda: np.zeros(1), curve, lambda: False)
+    assert resumed.limit == pytest.approx(first, abs=1e-3) and not resumed.reaches(first + 0.01)
+    assert resumed.reason == "touches something"
