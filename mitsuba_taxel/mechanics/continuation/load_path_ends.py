@@ -46,8 +46,13 @@ class LoadPathEnds(ComputationError):
         self.load, self.value, self.contact, self.compared = load, value, contact, compared
 
     def __str__(self) -> str:
-        if self.compared is not None:
-            self.args, self.compared = (f"{self.args[0]}{self.compared()}",), None
+        message, compared = self.args[0], self.compared
+        if compared is not None:
+            try:
+                sentence = compared()
+            except (ComputationError, InputError):  # the end itself is known
+                sentence = ""
+            self.args, self.compared = (f"{message}{sentence}",), None
         return super().__str__()
 
     def __reduce__(self) -> tuple[type[LoadPathEnds], tuple[object, ...]]:
@@ -155,9 +160,14 @@ def end_of_path(
 
 
 def _shown(load: Load, value: np.ndarray) -> str:
+    return f"{load.quantity} = {amount(load, value)}"
+
+
+def amount(load: Load, value: np.ndarray) -> str:
+    """Value of a load as text with units, such as "(0, 0, -1) N"; the moment of a plate follows its force."""
     shown = f"({listed(value[:3])})" if len(value) > 1 else listed(value)
     moment = f" and moment = ({listed(value[3:])}) N mm" if load.tilts else ""
-    return f"{load.quantity} = {shown} {load.unit}{moment}"
+    return f"{shown} {load.unit}{moment}"
 
 
 def listed(numbers: np.ndarray) -> str:

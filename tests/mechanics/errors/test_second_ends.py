@@ -6,10 +6,11 @@ import re
 import numpy as np
 import pytest
 
-from mitsuba_taxel.base.errors import ComputationError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import load_path
-from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds
-from mitsuba_taxel.mechanics.errors.second_ends import NO_LIMIT, end_error
+from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds, amount
+from mitsuba_taxel.mechanics.elements.loads import PlateWrench, Pressure
+from mitsuba_taxel.mechanics.errors.second_ends import NO_LIMIT, end_error, furthest_value
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads.parametric.pad import Pad
 
@@ -56,3 +57,54 @@ def test_other_elements_are_solved_when_the_message_is_first_read():
     end = LoadPathEnds("It ends.", None, np.ones(3), None, compared)
     assert not calls
     assert str(pickle.loads(pickle.dumps(end))) == str(end) == "It ends. Compared." and len(calls) == 1
+
+
+@pytest.mark.parametrize("beyond", [1.001, 1.02])
+def test_the_error_of_an_end_does_not_depend_on_the_requested_load(beyond):
+    """A load just beyond the end is borne on the second mesh, whose path is then solved further."""
+    far = end("parallelepiped", (0, 0, -30.0))
+    near = end("parallelepiped", (0, 0, beyond * far.value[2]))
+    assert str(near) == str(far) and "is known to about" in str(far)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 1.4, 0.5])
+@pytest.mark.parametrize(
+    ("value", "last"),
+    [
+        ((0, 0, -9.0), (0, 0, -8.9)),
+        ((3, 0, -9.0), (0, 0, -8.9)),
+        ((3, 4, -9.0), (2.9, 3.87, -9.0)),
+        ((-0.2,), (-0.19,)),
+    ],
+)
+def test_the_second_path_is_solved_until_the_end_would_be_unknown(value, last, ratio):
+    value, last = np.array(value, dtype=float), np.array(last)
+    furthest = furthest_value(value, last, ratio)
+    assert end_error(last, furthest, ratio) > 0.1
+    assert np.linalg.norm(furthest) <= 1.25 * np.linalg.norm(last)
+
+
+def test_the_second_path_stays_on_the_straight_part_with_the_end_and_reaches_the_requested_load():
+    assert np.array_equal(furthest_value(np.array([3.0, 0, -20]), np.array([0.0, 0, -9]), 2.0), [0, 0, -20])
+    assert np.array_equal(furthest_value(np.array([30.0, 0, -9]), np.array([2.0, 0, -9]), 2.0), [30, 0, -9])
+    assert np.array_equal(furthest_value(np.array([30.0, 0, -9]), np.array([0.0, 0, -9]), 2.0), [30, 0, -9])
+
+
+@pytest.mark.parametrize(
+    ("load", "value", "words"),
+    [
+        (Pressure(), (-0.05,), "-0.05 MPa"),
+        (PlateWrench(), (1.0, 0, -2, 0, 3, 0), "(1, 0, -2) N and moment = (0, 3, 0) N mm"),
+    ],
+)
+def test_amounts_have_the_units_of_their_loads(load, value, words):
+    assert amount(load, np.array(value)) == words
+
+
+@pytest.mark.parametrize("failure", [ComputationError, InputError])
+def test_an_end_whose_comparison_fails_keeps_its_message(failure):
+    def compared():
+        raise failure("the undeformed pad touches a package")
+
+    end = LoadPathEnds("It ends.", None, np.ones(3), None, compared)
+    assert str(end) == str(pickle.loads(pickle.dumps(end))) == "It ends."
