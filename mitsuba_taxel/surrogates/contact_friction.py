@@ -113,10 +113,14 @@ class FrictionPads:
         model, covered, sliding = self._model, self._model.covered, floats_of(slip)
         maps = floats_of(depth)
         shape = len(self._moved), 2
-        if maps.shape != (shape[0], *covered.shape) or sliding.shape not in (shape, (*shape, *covered.shape)):
+        if maps.shape != (shape[0], *covered.shape):
             raise InputError(
-                f"slip {shape_words(slip)} is not allowed: an array {shape} or {(*shape, *covered.shape)} is needed, "
-                f"and as many maps of depth as pads."
+                f"depth {shape_words(depth)} is not allowed: an array {(shape[0], *covered.shape)} is needed, with as "
+                "many maps of depth as pads."
+            )
+        if sliding.shape not in (shape, (*shape, *covered.shape)):
+            raise InputError(
+                f"slip {shape_words(slip)} is not allowed: an array {shape} or {(*shape, *covered.shape)} is needed."
             )
         by_patch = sliding[..., None] if sliding.ndim == 2 else sliding[..., covered]
         known = np.isfinite(by_patch).all(axis=(1, 2))
@@ -163,12 +167,14 @@ class FrictionPads:
         traction = np.full((shape[0], 2, *covered.shape), np.nan)
         traction[..., covered] = forces / np.prod(model.size)
         slides = np.zeros((shape[0], *covered.shape), dtype=bool)
-        slides[:, covered] = (limit > 0) & (np.hypot(along_x, along_y) >= (1 - SLIDES) * limit)
+        slides[:, covered] = (normal > 0) & (np.hypot(along_x, along_y) >= (1 - SLIDES) * limit)
         with_friction = readings._replace(
             power=readings.power + change,
             force=readings.force + force,
             moment=readings.moment + moment,
             centre=centre,
+            area=np.where(usable, readings.area, np.nan),
+            pressure=np.where(usable[:, None, None], readings.pressure, np.nan),
             status=readings.status + bad,
         )
         return FrictionReadings(with_friction, traction, slides)

@@ -160,7 +160,9 @@ def test_readings_and_moments_follow_the_tangential_forces():
     centres = (points[:, :2] * own[:, 2:]).sum(axis=2) / own[:, 2].sum(axis=1)[:, None]
     np.testing.assert_allclose(found.centre, centres, rtol=1e-9)
     # Without friction nothing changes.
-    smooth = FrictionPads(model, 2, 0.0).step(depth, far).readings
+    frictionless = FrictionPads(model, 2, 0.0).step(depth, far)
+    smooth = frictionless.readings
+    np.testing.assert_array_equal(frictionless.sliding, without.pressure > 0)
     np.testing.assert_array_equal(smooth.power, without.power)
     np.testing.assert_array_equal(smooth.moment, without.moment)
 
@@ -188,7 +190,8 @@ def test_pads_with_nan_are_flagged_and_stay_as_they_were():
     bad[1, 0, 0], slip[2, 1] = np.nan, np.nan
     found = pads.step(bad, slip).readings
     assert found.status.tolist() == [0, NOT_A_NUMBER, NOT_A_NUMBER] and np.isnan(found.power[1:]).all()
-    assert np.isnan(found.force[1:]).all() == np.isfinite(found.force[0]).all()
+    for values in (found.force, found.moment, found.area, found.pressure):
+        assert np.isnan(values[1:]).all() and np.isfinite(values[0]).all()
     back = pads.step(depth, np.full((3, 2), -0.01)).readings
     once = alone.step(depth[:1], np.full((1, 2), -0.01)).readings
     np.testing.assert_allclose(back.force[1:], np.repeat(once.force, 2, axis=0), rtol=1e-6)
@@ -222,5 +225,6 @@ def test_what_friction_refuses():
     for slip in (np.zeros(2), np.zeros((1, 2)), np.zeros((2, 2, 3, 3)), "fast"):
         with pytest.raises(InputError, match="slip .* is not allowed"):
             pads.step(np.repeat(ball(model, 4.0, 0.2), 2, axis=0), slip)
-    with pytest.raises(InputError, match="as many maps of depth as pads"):
-        pads.step(ball(model, 4.0, 0.2), np.zeros((2, 2)))
+    for depth in (ball(model, 4.0, 0.2), np.zeros((2, 9, 8)), np.zeros(2)):
+        with pytest.raises(InputError, match=r"^depth of shape .* is needed, with as many maps of depth as pads\.$"):
+            pads.step(depth, np.zeros((2, 2)))
