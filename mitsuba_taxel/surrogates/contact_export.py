@@ -4,11 +4,13 @@ model reaches a target."""
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Callable
 from dataclasses import fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -286,11 +288,11 @@ def read_contact_model(file: str | Path) -> ContactModel:
     """
     path = path_of("file", file)
     try:
-        with np.load(path, allow_pickle=False) as content:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
             arrays: dict[str, Any] = {name: content[name] for name in content.files}
         about = json.loads(str(arrays.pop("about")))
         later, earlier = about["format"] > FORMAT, about["format"] < FORMAT
-    except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile, zlib.error) as error:
         raise InputError(f"{path} is no model of contact: a file of taxel export --contact is needed.") from error
     if later:
         raise InputError(f"{path} is of a later version of the format ({about['format']}): a newer program is needed.")

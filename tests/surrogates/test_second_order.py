@@ -147,6 +147,14 @@ def test_other_files_are_refused(tmp_path, monkeypatch):
         (tmp_path / "pad.npz").write_bytes(content)
         with pytest.raises(InputError, match="no model of contact"):
             read_contact_model(tmp_path / "pad.npz")
+    write_contact_model(linear_model(), tmp_path / "pad.npz")
+    whole = (tmp_path / "pad.npz").read_bytes()
+    damaged = bytearray(whole)
+    damaged[len(whole) // 3] ^= 255
+    for content in (whole[:4], whole[: len(whole) // 2], bytes(damaged)):
+        (tmp_path / "pad.npz").write_bytes(content)
+        with pytest.raises(InputError, match="no model of contact"):
+            read_contact_model(tmp_path / "pad.npz")
     with pytest.raises(InputError, match="no model of contact"):
         read_contact_model(tmp_path / "none.npz")
     monkeypatch.setattr("mitsuba_taxel.surrogates.contact_export.FORMAT", 4)
