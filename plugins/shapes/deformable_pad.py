@@ -13,7 +13,7 @@ import numpy as np
 from mitsuba_taxel.backend.plugin_objects import make_plugin, resolved_path
 from mitsuba_taxel.base.caches import kept
 from mitsuba_taxel.base.convergence import ERROR_SHARE
-from mitsuba_taxel.base.errors import InputError
+from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.processes import stages
 from mitsuba_taxel.kernels.dome_elements import edge_ratio, fewer_triangles, size_for_light
 from mitsuba_taxel.kernels.pad_limits import (
@@ -175,7 +175,11 @@ class DeformablePad(mi.Mesh):
             check_triangles(subdivision, int(np.count_nonzero(in_cells(mesh, self.read_cells))))
             if self.finish is not None and isinstance(self.pad, Pad):
                 check_finish(self.finish, self.pad, mesh, subdivision)
-            self.state = self.at_rest() if waits else self.state_under(self.value)
+            try:
+                self.state = self.at_rest() if waits else self.state_under(self.value)
+            except ComputationError as error:
+                str(error)  # the message may take a solution, and Mitsuba would swallow an interrupt of it
+                raise
             return self._tessellated(self.state, self.pad)
 
     def _tessellated(self, state: State, pad: AnyPad, finish: Any = None) -> Surface:

@@ -10,6 +10,7 @@ from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.mechanics import load_path
 from mitsuba_taxel.mechanics.continuation.load_path_ends import LoadPathEnds, amount
 from mitsuba_taxel.mechanics.elements.loads import PlateWrench, Pressure
+from mitsuba_taxel.mechanics.errors import second_ends
 from mitsuba_taxel.mechanics.errors.second_ends import NO_LIMIT, end_error, furthest_value
 from mitsuba_taxel.mechanics.materials.laws import NeoHookean
 from mitsuba_taxel.pads.parametric.pad import Pad
@@ -108,3 +109,11 @@ def test_an_end_whose_comparison_fails_keeps_its_message(failure):
 
     end = LoadPathEnds("It ends.", None, np.ones(3), None, compared)
     assert str(end) == str(pickle.loads(pickle.dumps(end))) == "It ends."
+
+
+def test_load_path_solves_no_other_elements_before_the_message_is_read(monkeypatch):
+    asked, known = [], second_ends.second_meshes
+    monkeypatch.setattr(second_ends, "second_meshes", lambda path: asked.append(path) or known(path))
+    error = end("parallelepiped", (8.0, 0, -8 / 9), 2.0)
+    assert not asked
+    assert "On elements of" in str(error) and len(asked) == 1

@@ -27,6 +27,7 @@ from mitsuba_taxel.mechanics import (
     silicone,
     tessellate,
 )
+from mitsuba_taxel.mechanics.errors import second_ends
 from mitsuba_taxel.pads import REGIONS
 from mitsuba_taxel.sensing.scene.clearance import packages
 from mitsuba_taxel.sensing.scene.description import Scene as OpticsScene
@@ -301,3 +302,14 @@ def test_the_hexagonal_pad_reads_alike_in_its_outer_cells(llvm_mono, agree):
     readings = measure(Scene.from_file("hexagonal.xml"), points=1 << 10, seed=3)
     assert len(readings.power) == 7
     agree(readings.power, readings.standard_error, np.full(7, readings.power.mean()))
+
+
+def test_an_interrupt_while_the_end_of_a_path_is_compared_is_not_swallowed(loaded, monkeypatch):
+    """The message of the end is composed when it is read, for which a path on other elements is solved."""
+
+    def interrupted(path):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(second_ends, "second_meshes", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        loaded('<vector name="force" value="8, 0, -0.9"/>')
