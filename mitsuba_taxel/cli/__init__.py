@@ -56,7 +56,11 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
+            try:
+                return super().invoke(ctx)
+            except RuntimeError as error:
+                str(error)  # the message of the end of a load path may take a solution, which may be interrupted
+                raise
         except BaseException as error:  # an interrupt may be wrapped in another error
             if ctx.obj.ended:
                 raise _Ended(ctx.obj.ended[0]) from error
