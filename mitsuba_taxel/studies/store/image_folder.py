@@ -22,7 +22,7 @@ from mitsuba_taxel.studies.plan.batch import loads_among
 from mitsuba_taxel.studies.plan.job import IMAGES, Failure, ImageJob, ImageResult
 from mitsuba_taxel.studies.plan.vary import Axis, combinations, make_axes
 from mitsuba_taxel.studies.store.dataset import coordinates_of, failure_lines
-from mitsuba_taxel.studies.store.folder import Store
+from mitsuba_taxel.studies.store.folder import STUDY, Store
 from mitsuba_taxel.studies.store.opening import read_results
 
 TABLE, SHEET, FLOW, FILM = "images.csv", "contact_sheet", "markers.csv", "film.png"
@@ -93,9 +93,9 @@ def is_image_study(folder: Path) -> bool:
     Returns
     -------
     bool
-        True for a study of images.
+        True for a study of images; false for a training set of images, which has no definition of a study.
     """
-    return (folder / IMAGES).is_dir()
+    return (folder / IMAGES).is_dir() and (folder / STUDY).is_file()
 
 
 def is_enough(facts: Mapping[str, Any], job: ImageJob) -> bool:

@@ -75,6 +75,7 @@ def test_folders_of_comparisons_and_training_sets_have_pages(tmp_path):
     (tmp_path / "one" / "notes.txt").write_text("a note\n")
     pandas.DataFrame({f"c{n}": [n] for n in range(14)}).to_csv(tmp_path / "other" / "train.csv", index=False)
     (tmp_path / "other" / "README.md").write_text("# Set\n\n- a caveat\n")
+    (tmp_path / "other" / "images").mkdir()  # as of a training set of images
     write_report(tmp_path / "one", tmp_path / "one.html")
     write_report(tmp_path / "other", tmp_path / "other.html")
     one, other = ((tmp_path / f"{name}.html").read_text() for name in ("one", "other"))
