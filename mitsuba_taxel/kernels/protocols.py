@@ -176,9 +176,11 @@ class PadShape(Protocol):
 
 
 class RegionBsdf(Protocol):
-    """Interface of the plugin `region`: a BSDF for each region of a surface, by the name of the region."""
+    """Interface of the plugin `region`: a BSDF for each region of a surface, by the name of the region.
+    ``without_cells`` is true if they were named as those of a pad without cells."""
 
     walls: Mapping[str, mi.BSDF]
+    without_cells: bool
 
 
 class WallBsdf(Protocol):

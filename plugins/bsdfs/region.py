@@ -43,9 +43,10 @@ class Region(mi.BSDF):
         known = {name: name for name in ALL_REGIONS}
         if "coat" in nested or "window" in nested:
             known = COAT_REGIONS
+        self.without_cells = known is COAT_REGIONS
         for name, value in nested.items():
             if name not in known:
-                others = "" if known is COAT_REGIONS else ", or coat, window and side for a pad without cells"
+                others = "" if self.without_cells else ", or coat, window and side for a pad without cells"
                 beside = " beside coat or window" if name in ALL_REGIONS else ""
                 raise InputError(f"region: {name!r} is not a region{beside}: allowed are {', '.join(known)}{others}.")
             if not isinstance(value, mi.BSDF):

@@ -124,6 +124,10 @@ class DeformablePad(mi.Mesh):
             props[name] = make_plugin("region", **dict.fromkeys(REGIONS, walls[0]))
         # Light passes through a null wall of a block, but rays to a light would end there: it gets no triangles.
         is_coated = isinstance(self.pad, Block) or self._is_file_without_cells()
+        if not is_coated and any(is_region(wall) and wall.without_cells for wall in walls):
+            raise InputError(
+                f"coat and window are not allowed for a pad with cells: its regions are {', '.join(REGIONS)}."
+            )
         self.clear = clear_regions(walls) if is_coated else []
         self.mirrors = [code for wall in walls for code in mirrors(wall) if code not in self.clear]
         if isinstance(self.pad, Block) and (markers := parameters.build_markers()):
@@ -490,7 +494,7 @@ class DeformablePad(mi.Mesh):
 def _painted(markers: Markers, block: Block, walls: list[mi.BSDF]) -> mi.BSDF:
     """New region BSDF of a block with markers on its coat. The given BSDF is unchanged, as pads may share it."""
     if not (walls and is_region(walls[0]) and "top" in walls[0].walls):
-        raise InputError("markers are not allowed without a coat: a region BSDF with a top is needed.")
+        raise InputError("markers are not allowed without a coat: a region BSDF with a coat is needed.")
     weight = {"type": "bitmap", "bitmap": mi.Bitmap(markers.map_on(block)[..., None]), "raw": True}
     dark = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": MARKER_REFLECTANCE}}
     parts = {"weight": weight | {"wrap_mode": "clamp"}, "coat": walls[0].walls["top"], "markers": dark}

@@ -38,5 +38,14 @@ def test_names_of_pads_with_and_without_cells_exclude_each_other(llvm_mono, othe
         make_plugin("region", **{"coat": mi.load_dict(COAT), other: mi.load_dict(DARK)})
 
 
+@pytest.mark.parametrize("names", [("coat", "window", "side"), ("window",)])
+def test_a_pad_with_cells_has_neither_coat_nor_window(llvm_mono, names):
+    """Its cells would absorb, and the walls meant for their sides lie outside."""
+    walls = make_plugin("region", **{name: mi.load_dict(DARK) for name in names})
+    words = "coat and window are not allowed for a pad with cells: its regions are roof, side, bottom, top, outer"
+    with pytest.raises(InputError, match=words):
+        make_plugin("deformable_pad", cell="cylindrical", rows=1, columns=1, bsdf=walls)
+
+
 def test_the_side_without_a_coat_is_that_of_cells(llvm_mono):
     assert list(make_plugin("region", side=mi.load_dict(DARK)).walls) == ["side"]
