@@ -14,7 +14,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import is_number, is_whole, path_of, refusal
+from mitsuba_taxel.base.arguments import check_flags, is_number, is_whole, path_of, refusal
 from mitsuba_taxel.base.errors import ComputationError, InputError
 from mitsuba_taxel.base.files.atomic import replacing, write_text
 from mitsuba_taxel.base.left_out import LEFT_OUT
@@ -103,7 +103,7 @@ def export_contact(
     most : int
         Largest number of bodies.
     friction : bool
-        Whether the model has tangential compliances, for `FrictionPads`.
+        Whether the model has tangential compliances, for `FrictionPads`; this needs an ``.npz`` file.
     progress : Callable[[int, int], None], optional
         Called with (patches or bodies done, all of them).
 
@@ -122,6 +122,9 @@ def export_contact(
         if too few bodies can be solved, as where a roof touches its package before the depth is reached.
     """
     file = _model_file(file)
+    check_flags(friction=friction)
+    if friction and file.suffix != ".npz":
+        raise refusal("friction", friction, f"models in {file.suffix} have no friction: a .npz file is needed")
     if not (is_number(error) and 0 < error < 1):
         raise refusal("error", error, "a number above 0 and below 1 is needed")
     if not (is_whole(most) and most >= FIRST):

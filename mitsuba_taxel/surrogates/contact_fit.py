@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitsuba_taxel.base.arguments import check_progress, is_number, refusal, require
+from mitsuba_taxel.base.arguments import check_flags, check_progress, is_number, refusal, require
 from mitsuba_taxel.base.errors import InputError
 from mitsuba_taxel.surrogates.contact_readings import ContactModel
 
@@ -51,9 +51,10 @@ def contact_model(
     mesh_size : float, optional
         Size of the finite elements in mm; by default 1.3 times that of the patches.
     friction : bool
-        Whether forces along x and y on each patch are solved, too, for `FrictionPads`; this takes three times as long.
+        Whether forces along x and y on each patch are solved, too, for `FrictionPads`; this takes about four times as
+        long.
     progress : Callable[[int, int], None], optional
-        Called with (patches done, all patches).
+        Called with (forces done, all forces): one on each patch, and three with friction.
 
     Returns
     -------
@@ -75,6 +76,7 @@ def contact_model(
 
     require("scene", scene, Scene, "a Scene")
     check_progress(progress)
+    check_flags(friction=friction)
     for name, value in {"depth": depth, "spacing": spacing, "mesh_size": mesh_size}.items():
         optional = value is None and name != "depth"
         if not (optional or (value is not None and is_number(value) and value > 0)):
@@ -96,12 +98,14 @@ def contact_model(
 
     # One back-solve for each patch gives its column of the compliance, and its part of the gradient.
     linear, compliance, gradient, lateral = linearise(state), [], [], []
-    for done, displacement in enumerate(patch_responses(linear, weights), start=1):
+    done, forces = 0, weights.shape[0] * (3 if friction else 1)
+    for displacement in patch_responses(linear, weights):
         compliance.append(-(weights @ displacement[:, 2]))
         gradient.append(light.along(displacement))
         lateral.append(weights @ displacement[:, :2])
+        done += 1
         if progress is not None:
-            progress(done, weights.shape[0])
+            progress(done, forces)
     matrix, tangential, tangential_gradient = np.array(compliance), None, None
     if friction:
         # Sideways forces bend roofs inwards on one side and outwards on the other: the mean of both directions.
@@ -110,6 +114,9 @@ def contact_model(
             for displacement in patch_responses(linear, weights, direction):
                 moves.append(weights @ displacement[:, :2])
                 changes.append(0.5 * (light.along(displacement) - light.along(-displacement)))
+                done += 1
+                if progress is not None:
+                    progress(done, forces)
         patches = weights.shape[0]
         sideways = np.array(moves).transpose(2, 1, 0).reshape(2 * patches, 2 * patches)
         tangential = (0.5 * (sideways + sideways.T)).reshape(2, patches, 2, patches)

@@ -24,7 +24,7 @@ from mitsuba_taxel.pads import Pad
 from mitsuba_taxel.sensing.derivatives.wall_gradient import WallGradient
 from mitsuba_taxel.sensing.diffuse.diffuse_cells import DiffuseCells
 from mitsuba_taxel.specification.wall import Wall
-from mitsuba_taxel.surrogates import ContactModel, FrictionPads, contact_model
+from mitsuba_taxel.surrogates import ContactModel, FrictionPads, contact_model, export_contact
 from mitsuba_taxel.surrogates.contact_readings import NOT_A_NUMBER, NOT_RESOLVED, NOT_SOLVED, TOO_DEEP, TOO_FAR
 from mitsuba_taxel.surrogates.contact_states import Touch, solved_touch
 
@@ -180,6 +180,24 @@ def test_full_solutions_are_those_of_a_scene_with_the_body():
     state = load_path(PAD, silicone, [(0, 0, -0.3)], load=IndenterDisplacement(touch.indenter()))[0]
     reaction = reactions(state).applied_force
     assert solved.force[1] == pytest.approx(reaction, abs=1e-6 * abs(reaction[2]))
+
+
+def test_friction_of_models_is_a_flag_and_kept_by_npz_alone(tmp_path):
+    for words in ({"friction": 0.6}, {"friction": "no"}):
+        with pytest.raises(InputError, match="friction = .* True or False"):
+            contact_model(SENSOR.scene(), 0.1, **words)
+        with pytest.raises(InputError, match="friction = .* True or False"):
+            export_contact(SENSOR.scene(), tmp_path / "pad.npz", 0.1, **words)
+    with pytest.raises(InputError, match=r"friction = True .* models in \.py have no friction: a \.npz file is needed"):
+        export_contact(SENSOR.scene(), tmp_path / "pad.py", 0.1, friction=True)
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_progress_counts_all_forces(friction):
+    steps = []
+    model = contact_model(SENSOR.scene(), 0.1, spacing=2.0, friction=friction, progress=lambda *at: steps.append(at))
+    forces = np.count_nonzero(model.covered) * (3 if friction else 1)
+    assert steps == [(done, forces) for done in range(1, forces + 1)]
 
 
 @pytest.fixture(scope="module")
