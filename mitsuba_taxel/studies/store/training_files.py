@@ -142,7 +142,8 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
     applied force; names of their elements end with the unit. Varied words, such as the kind of cell, are part of the
     task's text. Parts of the set are ``splits`` of the episodes. Times of frames are nominal, with `FRAMES_PER_SECOND`.
     Where nothing touches there is no centre of pressure. Frames have 0 instead, and ``observation.contact``, which is 1
-    with contact and 0 without; statistics of the centre of pressure are those of the frames with contact.
+    with contact and 0 without; statistics of the centre of pressure are those of the frames with contact. Other values
+    that a scene of the study does not have are NaN.
 
     Parameters
     ----------
@@ -204,9 +205,12 @@ def write_lerobot(parts: Mapping[str, TrainingPart], columns: Mapping[str, Colum
     statistics = {
         name: _statistics(np.stack(table[name].to_list()).reshape(len(table), -1)) for name in (*named, *flags, *kinds)
     }
-    # Data loaders make numbers of all frames, and NaN would spread from them.
-    for name in named:
-        table[name] = [np.nan_to_num(values) for values in table[name]]
+    # Data loaders make numbers of all frames, and NaN would spread from them. Other unknown values stay NaN: a force or
+    # a parameter that a scene does not have is not 0.
+    for name, of_centre in ((name, np.isin(headings, centre)) for name, headings in named.items()):
+        if of_centre.any():
+            within = of_centre if len(of_centre) > 1 else of_centre[0]
+            table[name] = [np.where(np.isnan(values) & within, np.float32(0), values) for values in table[name]]
     episodes = pd.DataFrame(
         {
             "episode_index": np.arange(len(length)),

@@ -215,6 +215,20 @@ def test_a_flag_tells_frames_with_contact(tmp_path):
     np.testing.assert_allclose(figures["mean"], [touched.mean()], rtol=1e-6)
 
 
+def test_a_force_that_a_scene_does_not_have_is_not_zero(tmp_path):
+    pressed, dims = study(), ("push", "spot", "cell")
+    pressed["reaction_fz"] = (dims, np.broadcast_to(FORCE[:, None, None], (30, 3, 2)), {"units": "N"})
+    for axis in "xy":
+        pressed[f"centre_of_pressure_{axis}"] = (dims, np.full((30, 3, 2), 0.3), {"units": "mm"})
+    training_set(xr.DataTree.from_dict({"a": pressed, "b": study()}), tmp_path / "set", lerobot=True)
+    frames = pd.read_parquet(tmp_path / "set" / "lerobot" / "data")
+    touched, wrench = frames["observation.contact"] == 1, np.stack(frames["observation.wrench"].to_list())
+    places = np.stack(frames["observation.contact_place"].to_list())
+    assert touched.sum() == (~touched).sum() == 180
+    assert np.isnan(wrench[~touched]).all() and (wrench[touched] < 0).all()
+    assert (places[~touched, -2:] == 0).all() and np.allclose(places[touched, -2:], 0.3)
+
+
 @pytest.mark.parametrize("reactions", [(), ("fz",), ("fx", "fz")])
 def test_the_applied_force_is_a_feature_beside_the_force_of_the_plate(tmp_path, reactions):
     pressed, applied = study(), ["fx_N", "fz_N"]
