@@ -41,7 +41,8 @@ class ShownDerivatives(NamedTuple):
         Yields
         ------
         dict[str, Any]
-            A row of ``Derivatives.rows`` in V, with ``counts``, ``noise_equivalent`` and ``to_saturation`` in addition.
+            A row of ``Derivatives.rows`` in V, with the derivative in ``counts``, and the changes of the parameter
+            ``noise_equivalent`` and ``to_saturation`` (see the attributes).
         """
         arrays = (self.counts, self.noise_equivalent, self.to_saturation)
         cells = zip(*(values.T.ravel().tolist() for values in arrays), strict=True)

@@ -177,9 +177,10 @@ def plot_deviations(experiments: Sequence[Experiment], narrow: bool = False) -> 
 def plot_against(experiments: Sequence[Experiment], narrow: bool = False) -> Figure:
     """Plot the mean slope against each varied parameter other than the force.
 
-    Panels show the slopes in the unit of the readings and, if the readings at rest are known, in percent of these. A
-    line is a combination of the other parameters, drawn for the taxel that changes most in all experiments. Error bars
-    are 1 sigma of the light. Readings in watts and in volts have separate panels.
+    Panels show the slopes in the unit of the readings and, if the readings at rest are known, in percent of these. Each
+    line belongs to one combination of values of the other parameters, and shows the taxel whose reading changes most
+    over all experiments. Error bars are the standard error of the light. Readings in watts and in volts have separate
+    panels.
 
     Parameters
     ----------

@@ -123,8 +123,9 @@ class LearntErrors(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ContactModel(Displayed):
-    """Contact model of a pad: readings under bodies that press on its top, without friction, from depth maps of the
-    bodies.
+    """Contact model of a pad: readings under bodies that press on its top, from depth maps of the bodies.
+
+    A call of the model leaves out friction; :class:`FrictionPads` adds it for models with tangential compliance.
 
     Attributes
     ----------

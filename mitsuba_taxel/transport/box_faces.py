@@ -59,7 +59,8 @@ class BoxFaces:
 
 
 def faces_of(box: Box, openings: Sequence[Rectangle]) -> BoxFaces:
-    """The sides of a box and its top, with and without the areas of openings; the bottom is left out.
+    """Rectangles that cover the sides and the top of a box, without the bottom. The top is divided so that each
+    rectangle lies within one opening, or outside all openings.
 
     Parameters
     ----------

@@ -102,8 +102,8 @@ def estimator(method: Method, scene: Scene, folder: Path, stray: float) -> Estim
     if not method.is_ours and not stray <= LARGEST_STRAY:
         fraction = "an unknown share" if math.isnan(stray) else f"{stray:.1%}"
         raise InputError(
-            f"it lights all LEDs at once, so that {fraction} of a reading would come from LEDs of other taxels: it is "
-            "left out."
+            f"the method lights all LEDs at once, so that {fraction} of a reading would come from LEDs of other "
+            "taxels: it is left out of the comparison."
         )
     prepared = prepare(_variant(method, scene, folder))
     if method.is_ours:

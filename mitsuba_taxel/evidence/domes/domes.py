@@ -186,8 +186,8 @@ def domes(starting: Callable[[str], None] | None = None) -> Iterator[DomeRow]:
 
 
 def mirrors_of_pads(starting: Callable[[str], None] | None = None) -> Iterator[PadRow]:
-    """Measure the rows of the table of mirrors in other pads, and yield each; ``starting`` is called with the name of a
-    row before it is measured.
+    """Measure the error of readings below mirrors in the pads of :data:`PADS`, and yield a row for each;
+    ``starting`` is called with the name of a row before it is measured.
     """
     for load, changes in PADS:
         pad = ", ".join(f"{name} = {value:g}" for name, value in changes.items()) or "default"

@@ -121,8 +121,8 @@ def named_below(rows: Sequence[IntervalRow]) -> str:
     """A sentence that names the quantities with less than the allowed coverage, and states how many are expected by
     chance.
 
-    The expected number is the sum, over all rows, of the binomial probability of such a count if the true coverage were
-    95.4 %.
+    The expected number is a sum over all rows: of the binomial probability that so few intervals contain the true value
+    although the true coverage is 95.4 %.
     """
     from scipy.stats import binom
 

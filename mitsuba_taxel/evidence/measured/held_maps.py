@@ -81,7 +81,7 @@ def rms(difference: np.ndarray) -> float:
 def held_map(
     found: FittedPad, taxel: int, path: xr.Dataset, pressed_at: Callable[[np.ndarray, float], xr.Dataset]
 ) -> HeldMapComparison:
-    """Compare the map of a held taxel.
+    """Compare measured and computed changes of all taxels while the indenter presses on one taxel and is held there.
 
     Parameters
     ----------

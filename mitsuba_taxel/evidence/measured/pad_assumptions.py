@@ -72,8 +72,8 @@ def rings(values: np.ndarray) -> np.ndarray:
 
 
 def expected_at(results: PadComparison) -> tuple[float, float, float]:
-    """Change of the taxel :data:`PREDICTED` in the map: measured; computed; and computed with the sensitivity that this
-    taxel has when it is pressed itself."""
+    """Change of the reading of the taxel :data:`PREDICTED` while the middle taxel is pressed: measured; computed; and
+    computed times the ratio of measured to computed change when this taxel is pressed itself."""
     position = np.unravel_index(PREDICTED - 1, results.moved.shape)
     computed = float(results.moved[position])
     return float(np.array(measured.HELD_MAP)[position]), computed, own_sensitivity(results.taxels[PREDICTED]) * computed

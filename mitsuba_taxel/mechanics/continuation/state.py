@@ -125,8 +125,8 @@ class State(Displayed):
     newton_iterations : int
         Number of iterations of its solution; 0 if it is interpolated between solved states.
     stability_checked : bool
-        Whether the solver provided the inertia for the test of stability, for this state or for the solved states on
-        both sides.
+        Whether the solver counted the negative eigenvalues of the tangent, for the test of stability: for this state,
+        or for the solved states on both sides.
     solved_in : float
         Time, in s, of the solution of all equilibria on the path to this state, even if they were cached.
     second_mesh : Callable
@@ -139,8 +139,9 @@ class State(Displayed):
     memory : ViscoelasticMemory or None
         Memory of a silicone that is viscoelastic or has Mullins' effect: its time, stress, and their errors.
     traction : (2 N, 3) ndarray
-        Traction of an indenter's friction in MPa at all N nodes: first as nodes of the top, then as nodes of the
-        outside (top and lateral faces); 0 at nodes of neither. (0, 3) without friction.
+        Traction by an indenter's friction, in MPa. Rows 0 to N - 1 are the nodes as nodes of the top, rows N to 2 N - 1
+        the same nodes as those of the outside (top and lateral faces); 0 at nodes that are not on that surface. (0, 3)
+        without friction.
     indenter_moved : (3,) ndarray or None
         Displacement of an indenter from its start, in mm; None without an indenter.
     bodies : RigidBodies or None

@@ -52,7 +52,7 @@ def where_linear(mesh: VolumeMesh, load: Load, fraction: float = 1.0) -> np.ndar
 
 def near_feet(mesh: VolumeMesh, fraction: float = 1.0) -> np.ndarray:
     """Mask (m, q): whether the q quadrature points of m elements are near a foot, where an upright outer edge meets the
-    glued bottom.
+    glued bottom. They are if the distance is less than ``fraction`` times :data:`RADIUS` times the pad's height.
     """
     return are_at_feet(mesh, quadrature_places(mesh), fraction)
 

@@ -41,8 +41,8 @@ class Reactions:
     size : float
         Largest distance from the origin in the undeformed pad, in mm.
     kept : float
-        Force in N to which the balance is also compared, as a viscoelastic silicone may have residual stress without a
-        load: the sum of the magnitudes of the board's nodal forces. 0 for other silicones.
+        Second reference force for the balance, in N: the sum of the magnitudes of the board's nodal forces, because a
+        viscoelastic silicone may have residual stress without a load. 0 for other silicones.
     state : State
         The deformed pad.
     """

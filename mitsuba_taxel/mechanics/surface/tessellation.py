@@ -100,8 +100,8 @@ def tessellate(
     state : State
         Result of :func:`load_path`.
     subdivision : int
-        Segments into which the longest edge of a face of ``cells`` is divided; other edges have segments that are no
-        longer. Other faces are divided into 4 triangles, as required by their mid-edge nodes, or more where they touch
+        Segments into which the longest edge of a face of ``cells`` is divided; segments of the other edges are at most
+        as long. Other faces are divided into 4 triangles, as required by their mid-edge nodes, or more where they touch
         a cell, so that the surface is closed.
     finish : LayerSteps or Grooves or RandomRoughness or SeparateFinish, optional
         Relief on the faces of the undeformed cells, subdivided as finely as it needs, that moves with the deformation:

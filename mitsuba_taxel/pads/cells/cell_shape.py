@@ -106,11 +106,12 @@ class CellShape(Kind, family="cell"):
         Whether a curved roof joins the side smoothly. Elements must then be small compared with the radii of curvature,
         or those along the rim would be distorted.
     finer_power : float
-        Exponent of the relative element size on a round roof, on meshes that are finer than the default one.
+        On meshes finer than the default one, elements on a round roof have their default size times the relative
+        element size of the mesh to this power.
     finer_inside : bool
-        Whether elements inside keep their default size on such meshes.
+        True if elements inside keep their default size on meshes finer than the default one.
     light_sizes : LightSizes or None
-        None if the default size is accurate enough for all light.
+        Element sizes that light needs; None if the default size is accurate enough for walls of all kinds.
     """
 
     default_height_words: ClassVar[str]
@@ -387,9 +388,8 @@ class CellShape(Kind, family="cell"):
         points : (N, 3) ndarray
             Points of the silicone, mm.
         difference : Callable
-            Returns the change of a function of the shape from this shape to the target. Use it where positions are not
-            linear in the dimensions: rates are computed from small changes, for which a plain subtraction would lose
-            digits.
+            ``difference(f)`` returns f(target) - f(self) without loss of digits. Use it instead of a subtraction where
+            positions are not linear in the dimensions, because rates are computed from small changes.
 
         Returns
         -------
