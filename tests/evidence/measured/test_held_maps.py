@@ -91,6 +91,33 @@ def test_the_place_is_corrected_once_and_the_better_map_is_kept(monkeypatch):
     np.testing.assert_allclose(compared.place, places[1][:2])
 
 
+def test_the_middle_is_the_place_if_no_other_map_is_closer(monkeypatch):
+    """Finite elements at the place that the maps suggest give a map that is further from the measured one."""
+    taxel, path = 17, xr.concat([made_path([])(np.zeros(2), travel) for travel in (0.5, 1.1, 1.5)], "travel")
+    record = measured.HELD_PRESSES[taxel]._replace(
+        travel=1.0, changes=tuple(map(tuple, relative(made(taxel, np.array([0.2, 0.4])), taxel)))
+    )
+    monkeypatch.setattr(measured, "HELD_PRESSES", {taxel: record})
+    found = FittedPad(np.array([8.0, 1.0]), 0.5, 0.1, np.zeros(3), 0.0, {})
+    opposite = made_path([])
+    compared = held_maps.held_map(found, taxel, path, lambda place, travel: opposite(-4 * place, travel))
+    np.testing.assert_array_equal(compared.place, 0.0)
+    np.testing.assert_allclose(compared.placed, compared.centred)
+
+
+@pytest.mark.parametrize(
+    ("share", "words"),
+    [
+        (1.3, "points asks for less than the taxels' own spread"),
+        (1.05, "more than the target of 3 points in 0 of 1 maps"),
+    ],
+)
+def test_whether_the_target_is_below_the_spread_is_computed(share, words):
+    middle = relative(made(13, np.zeros(2)), 13)
+    same = HeldMapComparison(13, np.zeros(2), ComputedMap(1.0, made(13, np.zeros(2))), middle + 1, middle)
+    assert words in " ".join(maps_section([same], {13: 1.0, 17: share}).split())
+
+
 def test_the_spread_of_the_taxels_is_beside_the_target():
     middle = relative(made(13, np.zeros(2)), 13)
     off = middle.copy()
