@@ -52,7 +52,7 @@ class LawFit:
     cross_validated : float
         Root mean square of the cross-validated residuals, relative to the largest stress of their curve.
     material : Material or None
-        The law with its constants; None if it is refused.
+        The law with its constants; None if it is refused or left out.
     stable : float
         Principal stretch up to which the law is stable.
     refusal : str
@@ -109,7 +109,7 @@ class Tests:
         return np.concatenate(rows) / self.deviation[:, None]
 
 
-def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
+def fit_law(candidate: Candidate, tests: Tests, *, constants_only: bool = False) -> LawFit | None:
     """Fit the constants of one law to all tests by least squares.
 
     Parameters
@@ -118,6 +118,8 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
         The law.
     tests : Tests
         Curves and their noise.
+    constants_only : bool
+        Whether the law itself, its stability and its refusal are left out, which takes less time.
 
     Returns
     -------
@@ -125,7 +127,7 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
         None if there are too few rows for its constants.
     """
     from scipy.optimize import least_squares, nnls
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     count, shapes = len(candidate.moduli), len(candidate.shapes)
     rows = len(tests.measured)
@@ -207,9 +209,9 @@ def fit_law(candidate: Candidate, tests: Tests) -> LawFit | None:
     slack_errors = np.zeros(len(tests.curves))
     slack_errors[tests.free] = np.sqrt(np.diag(covariance))[own:]
     constants, covariance = unknowns[:own], covariance[:own, :own]
-    width = float(t.ppf(0.5 + 0.5 * PROBABILITY, freedom)) * np.sqrt(np.diag(covariance))
+    width = float(stdtrit(freedom, 0.5 + 0.5 * PROBABILITY)) * np.sqrt(np.diag(covariance))
     relative = tests.deviation / tests.largest
-    material, stable, refusal = _law(candidate, constants)
+    material, stable, refusal = (None, 1.0, "") if constants_only else _law(candidate, constants)
     return LawFit(
         candidate=candidate,
         constants=constants,

@@ -285,7 +285,9 @@ def _with_slacks(curves: list[StressCurve], noises: list[CurveNoise], with_slack
 
     def score(tests: Tests) -> tuple[float, LawFit]:
         """Bayesian information criterion of the best simple law, and its fit."""
-        fits = [fit for fit in (fit_law(c, tests) for c in CANDIDATES if len(c.names) <= 3) if fit is not None]
+        simple = [candidate for candidate in CANDIDATES if len(candidate.names) <= 3]
+        found = (fit_law(candidate, tests, constants_only=True) for candidate in simple)
+        fits = [fit for fit in found if fit is not None]
         rows, free = len(tests.measured), len(tests.free)
         unknowns = [len(fit.candidate.names) + free for fit in fits]
         scores = [
@@ -307,7 +309,7 @@ def _with_unknown_slacks(fit: LawFit, with_slacks: Tests) -> LawFit:
     """The fit with intervals that include the intervals of a fit in which all slacks are unknown."""
     candidate = fit.candidate
     shapes = tuple(fit.constants[len(candidate.moduli) :].tolist())
-    wider = fit_law(replace(candidate, starts=(shapes,)), with_slacks)
+    wider = fit_law(replace(candidate, starts=(shapes,)), with_slacks, constants_only=True)
     if wider is None:  # too few rows
         infinite = np.full(len(fit.constants), np.inf)
         return replace(fit, covariance=np.diag(infinite), low=-infinite, high=infinite)

@@ -88,6 +88,7 @@ DIFFERENT = {
     "ogden, 1 term": lambda rng: (0.1, rng.choice([rng.uniform(0.5, 1.3), rng.uniform(3, 5)])),
     "ogden, 2 terms": lambda rng: (0.1, 0.05, rng.uniform(1, 1.5), rng.uniform(-5, -3.5)),
 }
+DRAWS = 60
 STRAINS = {"uniaxial": np.linspace(0, 1.2, 41)[1:], "equibiaxial": np.linspace(0, 0.6, 41)[1:]}
 
 
@@ -96,7 +97,7 @@ def test_the_right_law_is_ranked_first_in_95_of_100_draws(curve_of, monkeypatch)
     # Intervals take no part in the ranking.
     monkeypatch.setattr("mitsuba_taxel.fitting.material.material_fit._with_unknown_slacks", lambda fit, _: fit)
     rng, right, count, number = np.random.default_rng(5), 0, 0, 0
-    while count < 100:
+    while count < DRAWS:
         label = list(DIFFERENT)[number % len(DIFFERENT)]
         number += 1
         constants = DIFFERENT[label](rng)
@@ -111,7 +112,7 @@ def test_the_right_law_is_ranked_first_in_95_of_100_draws(curve_of, monkeypatch)
             continue
         count += 1
         right += rank_laws(noisy).best.candidate.label == label
-    assert right >= 95
+    assert right >= 0.95 * DRAWS
 
 
 @pytest.mark.parametrize("slack", [0.05, -0.04, 0.0])
@@ -140,7 +141,8 @@ def test_slack_of_a_curve_that_begins_late_is_said_to_be_unseen(curve_of):
 
 @pytest.mark.parametrize(("slack", "grows"), [(0.02, False), (0.04, True), (-0.015, False)])
 def test_intervals_hold_the_constants_whether_slack_is_found_or_not(slack, grows, stress_of, monkeypatch):
-    """100 curves of 2 % noise, under which such a slack is found in some and not excluded in the others."""
+    """100 curves of 2 % noise, under which such a slack is found in some and not excluded in the others. Only two laws
+    are fitted: an interval does not depend on the other laws."""
     simple = (LAWS["neo_hookean"], LAWS["yeoh, 2 terms"])
     monkeypatch.setattr("mitsuba_taxel.fitting.material.material_fit.CANDIDATES", simple)
     rng, strain, held, constants = np.random.default_rng(8), np.linspace(0, 0.6, 41)[1:], [], (0.05, 0.015)
@@ -148,7 +150,7 @@ def test_intervals_hold_the_constants_whether_slack_is_found_or_not(slack, grows
     deviation = 0.02 * (np.abs(exact) if grows else np.abs(exact).max())
     for _ in range(100):
         stress = exact + deviation * rng.normal(size=40)
-        fit = rank_laws([StressCurve("a.csv", "uniaxial", np.arange(2, 42), strain, stress)])
+        fit = rank_laws([StressCurve("a.csv", "uniaxial", np.arange(2, 42), strain, stress)], candidates=simple)
         yeoh = next(other for other in fit.fits if other.candidate.label == "yeoh, 2 terms")
         held.append((yeoh.low <= constants) & (constants <= yeoh.high))
     assert np.all(np.mean(held, axis=0) > 0.95 - TAIL * np.sqrt(0.95 * 0.05 / 100)), np.mean(held, axis=0)
