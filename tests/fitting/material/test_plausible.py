@@ -75,3 +75,18 @@ def test_kinds_of_tests_that_contradict_each_other_are_refused_with_the_row(fact
     assert "\n" not in str(caught.value)
     agreeing = write_csv("c.csv", PLAIN, strain, other / factor)
     assert fit_material(files[:1], **{kind: [agreeing]}).best.misfit < 2
+
+
+@pytest.mark.parametrize(("kind", "largest"), [("compression", 0.4), ("equibiaxial", 0.25)])
+def test_kinds_that_an_unstable_law_follows_do_not_contradict_each_other(kind, largest, stress_of, write_csv):
+    """The law is refused, and the others miss a test by a fifth or more: this is warned of."""
+    rng, strain, smaller = np.random.default_rng(3), np.linspace(0, 1, 31)[1:], np.linspace(0, largest, 31)[1:]
+    label, constants = "mooney_rivlin", (0.06, -0.02)
+    tension = stress_of(label, constants, "uniaxial", strain) * (1 + 0.003 * rng.normal(size=30))
+    sign, mode = (-1, "uniaxial") if kind == "compression" else (1, kind)
+    other = sign * stress_of(label, constants, mode, sign * smaller) * (1 + 0.003 * rng.normal(size=30))
+    files = write_csv("a.csv", PLAIN, strain, tension), write_csv("b.csv", PLAIN, smaller, other)
+    fit = fit_material(files[:1], **{kind: files[1:]})
+    (unstable,) = (each for each in fit.fits if each.candidate.label == label)
+    assert unstable.refusal and unstable.misfit < 1.5
+    assert any("no law follows the tests within their noise" in line for line in fit.warnings)
