@@ -98,21 +98,20 @@ def held_map(
     Returns
     -------
     HeldMapComparison
-        Measured and computed maps, for the place whose map agrees best with the measured one.
+        Measured and computed maps, for the place whose map agrees best with the measured one; it may be the middle.
     """
     record = measured.HELD_PRESSES[taxel]
     travel = found.travel(record.travel)
     measured_map = np.array(record.changes, dtype=float)
-    centred = _at(path, travel, found.modulus).relative_to(taxel)
-    tried: list[HeldMapComparison] = []
+    above = _at(path, travel, found.modulus)
+    centred = above.relative_to(taxel)
+    tried = [HeldMapComparison(taxel, np.zeros(2), above, measured_map, centred)]
     place, start = place_of(centred, measured_map, taxel), np.zeros(2)
-    while len(tried) < MOST_PLACES and np.linalg.norm(place - start) > SETTLED:
+    while len(tried) <= MOST_PLACES and np.linalg.norm(place - start) > SETTLED:
         study = pressed_at(place, travel)
         computed = ComputedMap(found.modulus * float(study.force[-1]), study.change.values[-1])
         tried.append(HeldMapComparison(taxel, place, computed, measured_map, centred))
         start, place = place, place_of(computed.relative_to(taxel), measured_map, taxel, place)
-    if not tried:
-        return HeldMapComparison(taxel, start, _at(path, travel, found.modulus), measured_map, centred)
     return min(tried, key=lambda compared: rms(compared.placed - measured_map))
 
 

@@ -90,7 +90,7 @@ DIFFERENT = {
     "ogden, 1 term": lambda rng: (0.1, rng.choice([rng.uniform(0.5, 1.3), rng.uniform(3, 5)])),
     "ogden, 2 terms": lambda rng: (0.1, 0.05, rng.uniform(1, 1.5), rng.uniform(-5, -3.5)),
 }
-DRAWS = 60
+DRAWS = 100
 STRAINS = {"uniaxial": np.linspace(0, 1.2, 41)[1:], "equibiaxial": np.linspace(0, 0.6, 41)[1:]}
 
 

@@ -93,12 +93,18 @@ def _verdict(maps: Sequence[HeldMapComparison]) -> str:
 
 def _scatter(maps: Sequence[HeldMapComparison], own: Mapping[int, float]) -> str:
     """Sentences about the differences that the spread of the taxels' sensitivities explains."""
-    expected = " / ".join(f"{rms(map_deviation(own, each.placed, each.taxel)):.1f}" for each in maps)
+    expected = [rms(map_deviation(own, each.placed, each.taxel)) for each in maps]
+    above = sum(value > RMS_TARGET for value in expected)
+    verdict = (
+        f"So a target of {RMS_TARGET:g} points asks for less than the taxels' own spread."
+        if above == len(maps)
+        else f"This is more than the target of {RMS_TARGET:g} points in {above} of {len(maps)} maps."
+    )
     text = (
         f"**What the taxels' spread allows.** Pressed themselves, taxels {', '.join(map(str, own))} change "
         f"{', '.join(f'{value:.2f}' for value in own.values())} times as much as computed. If all taxels are spread "
-        f"so, a model that is exact otherwise has an rms of {expected} points in these maps. So a target of "
-        f"{RMS_TARGET:g} points asks for less than the taxels' own spread."
+        f"so, a model that is exact otherwise has an rms of {' / '.join(f'{value:.1f}' for value in expected)} points "
+        f"in these maps. {verdict}"
     )
     middle = next((each for each in maps if each.taxel == measured.PRESSED), None)
     if middle is None:
