@@ -296,7 +296,7 @@ def read_contact_model(file: str | Path) -> ContactModel:
         about = json.loads(str(arrays.pop("about")))
         later, earlier = about["format"] > FORMAT, about["format"] < FORMAT
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile, zlib.error) as error:
-        raise InputError(f"{path} is no model of contact: a file of taxel export --contact is needed.") from error
+        raise InputError(f"{path} is no contact model: a file of taxel export --contact is needed.") from error
     if later:
         raise InputError(f"{path} is of a later version of the format ({about['format']}): a newer program is needed.")
     if earlier:
@@ -311,7 +311,7 @@ def read_contact_model(file: str | Path) -> ContactModel:
         errors = None if about["errors"] is None else LearntErrors(**about["errors"])
         return ContactModel(size=(width, depth), second=second, errors=errors, **scalars, **arrays)
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no complete model of contact: export it again.") from error
+        raise InputError(f"{path} is no complete contact model: export it again.") from error
 
 
 def origin_of(file: Path) -> dict[str, Any]:

@@ -149,14 +149,14 @@ def _inner_places(grid: TopGrid) -> np.ndarray:
 def _refuse_other_pads(pad: PadShape) -> None:
     """Raise `InputError` for a pad whose contact cannot be described by a contact model."""
     if pad.is_loaded:
-        raise InputError("a model of contact starts from the pad at rest: set the load of the scene to 0.")
+        raise InputError("a contact model starts from the pad at rest: set the load of the scene to 0.")
     for name in ("prony", "mullins"):
         if getattr(pad, name):
-            raise InputError(f"a model of contact has no memory: remove {name} from the pad.")
+            raise InputError(f"a contact model has no memory: remove {name} from the pad.")
     if pad.load.self_contact:
-        raise InputError("a model of contact leaves out contact of the pad with itself: remove self_contact.")
+        raise InputError("a contact model leaves out contact of the pad with itself: remove self_contact.")
     if pad.load.indenter is not None and pad.load.indenter.friction:
         raise InputError(
-            "a model of contact leaves out the friction of the scene's indenter: remove indenter_friction. "
+            "a contact model leaves out the friction of the scene's indenter: remove indenter_friction. "
             "FrictionPads has friction, for models made with friction=True."
         )

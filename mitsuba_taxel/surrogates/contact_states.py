@@ -212,7 +212,7 @@ class StateFile:
                 results = [row[name] for name in ("power", "force", "moment")] if "power" in row else []
                 self._solved[touch] = SolvedTouch(touch, *results) if results else row["failed"]
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError(f"{file} holds no states of a model of contact: remove it, or name another.") from error
+            raise InputError(f"{file} holds no states of a contact model: remove it, or name another.") from error
         if key != self._key:
             raise InputError(f"{file} holds the states of another pad: remove it, or name another output.")
 

@@ -1,4 +1,4 @@
-"""The example of the page on models of contact, in MuJoCo: readings under a ball are those of its depth map."""
+"""The example of the page on contact models, in MuJoCo: readings under a ball are those of its depth map."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A model of contact without finite elements, and solutions that differ from it by known terms."""
+"""A contact model without finite elements, and solutions that differ from it by known terms."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mitsuba_taxel.surrogates.contact_states import SolvedTouch, touches
 
 
 def linear_model(taxels=2):
-    """A model of contact of a half-space, with readings that depend on forces near each of two taxels."""
+    """A contact model of a half-space, with readings that depend on forces near each of two taxels."""
     side = 0.4
     x, y = grid(11, side)
     middle = np.array([[-0.8, 0.0], [0.8, 0.0]])[:taxels]

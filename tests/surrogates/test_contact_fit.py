@@ -1,4 +1,4 @@
-"""The model of contact of a pad: against full solutions of balls and rods, balance of forces, and what it flags."""
+"""The contact model of a pad: against full solutions of balls and rods, balance of forces, and what it flags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other forms of a model of contact: ONNX and a file for JAX give the readings and flags of the model itself.
+"""Other forms of a contact model: ONNX and a file for JAX give the readings and flags of the model itself.
 
 The model solves the contact by pivoting, the other forms by an iteration, so that each is a check of the other.
 """

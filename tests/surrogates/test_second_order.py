@@ -1,4 +1,4 @@
-"""Second-order terms of a model of contact, and its file: against terms that are known, and full solutions made up."""
+"""Second-order terms of a contact model, and its file: against terms that are known, and full solutions made up."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_solved_states_are_kept_and_those_of_another_pad_refused(tmp_path):
     with pytest.raises(InputError, match="states of another pad"):
         StateFile(file, replace(model, rest=2 * model.rest))
     file.write_text("[1]")
-    with pytest.raises(InputError, match="no states of a model of contact"):
+    with pytest.raises(InputError, match="no states of a contact model"):
         StateFile(file, model)
     assert StateFile(None, model).of(expected[0].touch, lambda touch: expected[0]) == expected[0]
     assert contact_states.HALFWAY < 1
@@ -145,7 +145,7 @@ def test_other_files_are_refused(tmp_path, monkeypatch):
         write_contact_model(linear_model(), tmp_path / "pad.pt")
     for content in (b"", b"no archive"):
         (tmp_path / "pad.npz").write_bytes(content)
-        with pytest.raises(InputError, match="no model of contact"):
+        with pytest.raises(InputError, match="no contact model"):
             read_contact_model(tmp_path / "pad.npz")
     write_contact_model(linear_model(), tmp_path / "pad.npz")
     whole = (tmp_path / "pad.npz").read_bytes()
@@ -153,9 +153,9 @@ def test_other_files_are_refused(tmp_path, monkeypatch):
     damaged[len(whole) // 3] ^= 255
     for content in (whole[:4], whole[: len(whole) // 2], bytes(damaged)):
         (tmp_path / "pad.npz").write_bytes(content)
-        with pytest.raises(InputError, match="no model of contact"):
+        with pytest.raises(InputError, match="no contact model"):
             read_contact_model(tmp_path / "pad.npz")
-    with pytest.raises(InputError, match="no model of contact"):
+    with pytest.raises(InputError, match="no contact model"):
         read_contact_model(tmp_path / "none.npz")
     monkeypatch.setattr("mitsuba_taxel.surrogates.contact_export.FORMAT", 4)
     write_contact_model(linear_model(), tmp_path / "pad.npz")

@@ -402,7 +402,7 @@ def cells_command(sides: str, ball: bool, seconds: float) -> None:
     _shown(rows, headings(ManyCellsRow), partial(map, cells), summary=growth_line)
 
 
-@command.command("contact", short_help="Speed of models of contact, and their error against Hertz.")
+@command.command("contact", short_help="Speed of contact models, and their error against Hertz.")
 @click.option(
     "--patches", default="15,30", show_default=True, metavar="N,...", help="Numbers of patches along each side."
 )
@@ -411,7 +411,7 @@ def cells_command(sides: str, ball: bool, seconds: float) -> None:
 )
 @debug_option
 def contact_command(patches: str, pads: int) -> None:
-    """Time the model of contact of a half-space with nine taxels under balls: in numpy, and in ONNX and JAX if they are
+    """Time the contact model of a half-space with nine taxels under balls: in numpy, and in ONNX and JAX if they are
     installed."""
     from mitsuba_taxel.base.errors import InputError
     from mitsuba_taxel.evidence.accuracy.contact_models import ContactSpeedRow, contact_speed

@@ -1,4 +1,4 @@
-"""Speed of models of contact in all their forms, and their error against Hertz's theory, on a half-space."""
+"""Speed of contact models in all their forms, and their error against Hertz's theory, on a half-space."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RADII, DEPTHS, PLACES = (2.0, 6.0), (0.05, 0.4), 0.3
 
 @dataclass(frozen=True)
 class ContactSpeedRow:
-    """Cost and error of one form of a model of contact.
+    """Cost and error of one form of a contact model.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class ContactSpeedRow:
 
 
 def half_space_model(patches: int) -> ContactModel:
-    """A model of contact of a half-space, with nine made-up taxels.
+    """A contact model of a half-space, with nine made-up taxels.
 
     Displacements under uniform pressures on rectangles are those of A. E. H. Love, Phil. Trans. R. Soc. A 228 (1929).
 
@@ -99,7 +99,7 @@ def half_space_model(patches: int) -> ContactModel:
 
 
 def contact_speed(patches: list[int], pads: int) -> Iterator[ContactSpeedRow]:
-    """Measure a model of contact in the forms whose libraries are installed.
+    """Measure a contact model in the forms whose libraries are installed.
 
     Parameters
     ----------

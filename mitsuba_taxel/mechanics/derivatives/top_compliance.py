@@ -95,7 +95,7 @@ def top_grid(mesh: VolumeMesh, spacing: float) -> tuple[TopGrid, sparse.csr_arra
     low, high = top.min(axis=0), top.max(axis=0)
     if high[2] - low[2] > FLAT_TOP * np.ptp(mesh.points[:, 2]):
         raise InputError(
-            f"a model of contact needs a plane top: the heights of this one differ by {high[2] - low[2]:.3g} mm."
+            f"a contact model needs a plane top: the heights of this one differ by {high[2] - low[2]:.3g} mm."
         )
     columns, rows = (max(1, round(side / spacing)) for side in (high - low)[:2].tolist())
     if rows * columns > MOST_PATCHES:

@@ -1,4 +1,4 @@
-"""The table of models of contact: forces of one ball against Hertz, and all forms in one table."""
+"""The table of contact models: forces of one ball against Hertz, and all forms in one table."""
 
 from __future__ import annotations
 
