@@ -111,3 +111,8 @@ def test_the_section_states_fits_and_predictions(monkeypatch):
     predicted = [line for line in text.splitlines() if line.startswith("| alone |")][1]
     widths = [float(cell) for cell in first.split("|")[5:-1]]
     np.testing.assert_allclose([float(cell) for cell in predicted.split("|")[2:-1]], widths, atol=0.06)
+
+    # Loops that no explanation gives: a wide loop of the force beside narrow ones of the voltage.
+    monkeypatch.setattr(softening, "MEASURED", HysteresisLoop(90.0, 0.1, 0.1, 0.1))
+    text = softening_section({13: study, 17: study}, study, memory)
+    assert "**cannot** explain" in text and "No row agrees with all four" in text and "not a proof" not in text

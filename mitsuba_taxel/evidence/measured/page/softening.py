@@ -116,13 +116,16 @@ on unloading, the voltage is lower at equal travel or higher at equal force, as 
 
 
 def _answer(alone: LoopExplanation) -> str:
-    can = "can" if alone.miss <= ALLOWED else "**cannot**"
-    return (
-        f"Mullins' effect alone {can} explain the loops: with three fitted constants, it gives the four measured "
-        f"widths to {alone.miss:.2f} percentage points. This is not a proof. Three constants are fitted to four "
-        "numbers, and it is not known whether the recorded cycle was the first one: in later cycles this law has no "
-        "loop."
+    can = alone.miss <= ALLOWED
+    text = (
+        f"Mullins' effect alone {'can' if can else '**cannot**'} explain the loops: with three fitted constants, it "
+        f"gives the four measured widths to {alone.miss:.2f} percentage points."
     )
+    doubt = (
+        "This is not a proof. Three constants are fitted to four numbers, and it is not known whether the recorded "
+        "cycle was the first one: in later cycles this law has no loop."
+    )
+    return f"{text} {doubt}" if can else text
 
 
 def _announced(taxels: list[int]) -> str:
@@ -136,7 +139,12 @@ def _announced(taxels: list[int]) -> str:
 
 
 def _fitted_words(found: list[LoopExplanation], memory: PronyFit) -> str:
-    alike = [each for each in found if each.miss <= ALLOWED]
+    alike = _alike(found)
+    if not alike:
+        return (
+            f"No row agrees with all four measured widths to {ALLOWED:g} points; the best one differs by "
+            f"{min(each.miss for each in found):.1f}."
+        )
     worst = max(alike, key=lambda each: each.miss)
     rest = memory.rubbed.change_at_force + memory.loop.change_at_force
     return (
@@ -148,7 +156,9 @@ def _fitted_words(found: list[LoopExplanation], memory: PronyFit) -> str:
 
 
 def _predicted_words(found: list[LoopExplanation]) -> str:
-    alike = [each for each in found if each.miss <= ALLOWED]
+    alike = _alike(found)
+    if not alike:
+        return "No explanation fits, so that these predictions are not expected to hold."
     spreads = {
         taxel: np.ptp([each.predicted[taxel] for each in alike], axis=0).max() for taxel in found[0].predicted
     }
@@ -159,6 +169,11 @@ def _predicted_words(found: list[LoopExplanation]) -> str:
         f"loops would {'distinguish some of them' if apart else 'not distinguish them'}. It would test the model as a "
         "whole, because no constant is left to fit."
     )
+
+
+def _alike(found: list[LoopExplanation]) -> list[LoopExplanation]:
+    """The explanations that agree with all four measured widths."""
+    return [each for each in found if each.miss <= ALLOWED]
 
 
 def _creep_words(found: list[LoopExplanation], memory: PronyFit) -> str:
