@@ -37,7 +37,7 @@ from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
 from mitsuba_taxel.studies.plan.files import make_folder
 
 EDGE_HEIGHT = 1.0
-MINUTES = 36
+MINUTES = 80
 """CPU time of the command, rounded up."""
 _FINE = np.linspace(0.25, 6.5, 626)
 
