@@ -73,6 +73,8 @@ class FittedPad(NamedTuple):
         Root mean square of the residuals of forces and changes, relative to the largest force and the largest change.
     tried : dict[tuple[float, ...], float]
         Misfit of each height and radius that was tried.
+    incomplete : frozenset[tuple[float, ...]]
+        Those of them whose load path ends before the last measured travel: their misfit is that of fewer travels.
     """
 
     unknowns: np.ndarray
@@ -81,6 +83,7 @@ class FittedPad(NamedTuple):
     deviations: np.ndarray
     misfit: float
     tried: dict[tuple[float, ...], float]
+    incomplete: frozenset[tuple[float, ...]] = frozenset()
 
     def travel(self, recorded: float) -> float:
         """Convert a travel of the record to the travel from the first contact, in mm, rounded to the digits in the name
@@ -175,7 +178,8 @@ def fit(
     spread = np.linalg.pinv(jacobian.T @ jacobian) * 2 * solution.cost / (len(solution.fun) - UNKNOWNS)
     deviations = np.sqrt(np.diag(spread)) * [*best, 1.0]
     stiffness = modulus(curves[best], measured, lates[best])
-    return FittedPad(np.array(best), stiffness, lates[best], deviations, tried[best], tried)
+    incomplete = frozenset(tried.keys() - complete)
+    return FittedPad(np.array(best), stiffness, lates[best], deviations, tried[best], tried, incomplete)
 
 
 def _logs(curve: PressedTaxel, count: int) -> np.ndarray:

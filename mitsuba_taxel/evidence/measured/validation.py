@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -27,11 +27,13 @@ from mitsuba_taxel.evidence.measured.page.memory import memory_section
 from mitsuba_taxel.evidence.measured.page.pad import pad_section
 from mitsuba_taxel.evidence.measured.page.rest import rest_section
 from mitsuba_taxel.evidence.measured.page.softening import softening_section
+from mitsuba_taxel.evidence.measured.part_curves import EDGE_WIDTH
 from mitsuba_taxel.evidence.measured.rest_spread import spread
 from mitsuba_taxel.evidence.measured.sideways import FORCES, largest_slope, pushed
 from mitsuba_taxel.evidence.measured.softening import first_loading, paper_loading
 from mitsuba_taxel.evidence.measured.taxel_spread import own_sensitivity
 from mitsuba_taxel.evidence.paper import paper
+from mitsuba_taxel.evidence.paper.page.words import paragraph
 from mitsuba_taxel.evidence.paper.paper_studies import PaperStudies
 from mitsuba_taxel.parts import edge_positions, mirror_curve, read_part
 from mitsuba_taxel.studies.plan.files import make_folder
@@ -122,12 +124,25 @@ The table has a row for each height of the mirror. It shows the current in perce
 
 {markdown_table(["height [mm]", "datasheet", "computed", "difference"], rows)}
 
-**Predicted,** but not measured: where the edge of a mirror is when it passes over the part (`taxel parts vcnt2020
---edges {EDGE_HEIGHT:g}`). The mirror is at a height of {EDGE_HEIGHT:g} mm. The table has a row for each direction of
-the motion. It shows the position of the edge, from the centre of the body, at 10, 50 and 90 % of the current:
+**Predicted:** where the edge of a mirror is when it passes over the part (`taxel parts vcnt2020 --edges
+{EDGE_HEIGHT:g}`). The mirror is at a height of {EDGE_HEIGHT:g} mm. The table has a row for each direction of the
+motion. It shows the position of the edge, from the centre of the body, at 10, 50 and 90 % of the current:
 
 {markdown_table(["along", "10 % [mm]", "50 % [mm]", "90 % [mm]"], edges)}
+
+{paragraph(_edge_words(edges[0]))}
 """
+
+
+def _edge_words(along_x: Sequence[str]) -> str:
+    """Sentences that compare the width of the edge along x with the datasheet."""
+    width = float(along_x[3]) - float(along_x[1])
+    return (
+        f"Along x, the datasheet has a width of {EDGE_WIDTH:g} mm from 10 to 90 % of the current; this part has "
+        f"{width:.3f} mm. Surfaces about twice as wide as its dies give both curves of the datasheet to 3.1 % ([curves "
+        "of parts](part_curves.md#the-emitting-and-receiving-surfaces-of-a-vcnt2020)), which also has the prediction "
+        "along y."
+    )
 
 
 def _tables(store: PaperStudies, terms: Prony, pictures: Path) -> str:

@@ -66,7 +66,7 @@ through the silicone, and compliance of the robot.
 {"".join(_pressed(taxel, compared) for taxel, compared in results.taxels.items())}
 {paragraph(_stable(results))}
 
-{paragraph(_spread(results))}
+{_spread(results)}
 
 {paragraph(_errors(results))}
 
@@ -104,19 +104,26 @@ def _unknowns(results: PadComparison) -> list[list[str]]:
 def _valley(results: PadComparison) -> str:
     """Sentences about other values of the fitted height and radius that fit nearly as well."""
     best = tuple(results.found.unknowns)
-    alternatives = [
-        f"{height:g} mm with {radius:g} mm ({100 * misfit:.1f} %)"
-        for (height, radius), misfit in results.found.tried.items()
-        if (height, radius) != best and misfit < ALIKE * results.found.misfit
-    ]
-    alike = (
-        f" Other pairs of height and radius fit nearly as well: {', '.join(alternatives)}. The data hardly determine "
-        "height and radius separately."
-        if alternatives
-        else ""
+    complete, incomplete = (
+        ", ".join(
+            f"{height:g} mm with {radius:g} mm ({100 * misfit:.1f} %)"
+            for (height, radius), misfit in results.found.tried.items()
+            if (height, radius) != best
+            and misfit < ALIKE * results.found.misfit
+            and ((height, radius) in results.found.incomplete) == ends_early
+        )
+        for ends_early in (False, True)
     )
     misfit = f"{100 * results.found.misfit:.1f} %"
-    return f"The root mean square of the residuals, relative to the largest values, is {misfit}.{alike}"
+    text = f"The root mean square of the residuals, relative to the largest values, is {misfit}."
+    if complete:
+        text += f" Other pairs of height and radius fit nearly as well: {complete}."
+    if incomplete:
+        text += (
+            f" The load paths of other pairs end before the last measured travel: {incomplete}. Their residuals are "
+            "those of the travels before, so that they are not compared."
+        )
+    return f"{text} The data hardly determine height and radius separately." if complete or incomplete else text
 
 
 def _pressed(taxel: int, compared: TaxelComparison) -> str:
@@ -195,8 +202,10 @@ def _spread(results: PadComparison) -> str:
     )
     return "\n\n".join(
         [
-            f"**Differences between taxels.** The table compares the taxels at {at:.2f} N, a force that all reach. It "
-            "shows the change of the voltage in two ways:",
+            paragraph(
+                f"**Differences between taxels.** The table compares the taxels at {at:.2f} N, a force that all reach. "
+                "It shows the change of the voltage in two ways:"
+            ),
             markdown_table(["change", *(f"taxel {number}" for number in results.taxels)], rows),
             paragraph(model_words),
             paragraph(_light_at_rest(changes, volts)),
