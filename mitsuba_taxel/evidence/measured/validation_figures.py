@@ -16,7 +16,7 @@ from mitsuba_taxel.plots.figures import COLOURS, MARKERS, axes_of, save_small
 def mirror(heights: np.ndarray, datasheet: np.ndarray, fine_heights: np.ndarray, curve: np.ndarray, file: Path) -> None:
     """Plot the photocurrent under a mirror against the height, in percent of the largest."""
     ax = axes_of((6, 3.6), 1, 1)[0, 0]
-    ax.plot(fine_heights, 100 * curve, color=COLOURS[0], label="here")
+    ax.plot(fine_heights, 100 * curve, color=COLOURS[0], label="computed")
     ax.plot(heights, 100 * datasheet, MARKERS[0], color=COLOURS[1], label="datasheet")
     _finished(ax, "height of the mirror [mm]", "current / largest [%]", file)
 
@@ -41,7 +41,7 @@ def memory(tail: np.ndarray, hold: np.ndarray, file: Path) -> None:
     widths = np.abs(windows.T - middle)
     marks: dict[str, Any] = {"linestyle": "none", "capsize": 3}
     during.errorbar(middle, hold[0], hold[1], widths, marker=MARKERS[0], color=COLOURS[1], label="measured", **marks)
-    during.plot(middle, hold[2], MARKERS[1], color=COLOURS[0], label="here")
+    during.plot(middle, hold[2], MARKERS[1], color=COLOURS[0], label="computed")
     during.set_xscale("log")
     _finished(during, "time of the hold [s]", "force / that at the end", file)
 
@@ -68,12 +68,12 @@ def maps(results: PadComparison, file: Path) -> None:
     """Plot the changes of all taxels while the middle taxel is held: measured, and computed with the offset of the
     indenter."""
     axes = axes_of((8, 4), 1, 2)[0]
-    for ax, title, values in zip(axes, ("measured", "here"), (np.array(measured.HELD_MAP), results.moved), strict=True):
+    for ax, title, values in zip(axes, ("measured", "computed"), (np.array(measured.HELD_MAP), results.moved), strict=True):
         image = ax.imshow(values, cmap="viridis", vmin=0, vmax=100)
         for (row, column), value in np.ndenumerate(values):
             ax.text(column, row, f"{round(value)}", ha="center", va="center", color="k" if value > 60 else "w")
         ax.set(title=title, xticks=[], yticks=[])
-    axes[0].figure.colorbar(image, ax=axes, label="change, of that of taxel 13 [%]", shrink=0.8)
+    axes[0].figure.colorbar(image, ax=axes, label="change in % of that of taxel 13", shrink=0.8)
     save_small(axes[0].figure, file)
 
 
@@ -81,7 +81,7 @@ def sensitivities(ranges: Mapping[str, tuple[tuple[float, float], tuple[float, f
     """Plot the measured and the computed range of sensitivities in V/N of each shape, from the least to the most
     sensitive taxel."""
     ax = axes_of((6, 3.4), 1, 1)[0, 0]
-    for side, label in enumerate(("measured", "here")):
+    for side, label in enumerate(("measured", "computed")):
         low, high = 1e3 * np.array([pair[side] for pair in ranges.values()]).T
         position = np.arange(len(ranges)) + (0.1, -0.1)[side]
         colour, marker = COLOURS[1 - side], MARKERS[side]

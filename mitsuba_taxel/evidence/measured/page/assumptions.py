@@ -49,10 +49,11 @@ def _own(results: PadComparison) -> str:
     """Sentences that compare two errors of the worst predicted taxel: in the map of all taxels, and when the taxel
     itself is pressed."""
     actual, computed, expected = expected_at(results)
-    times = f"When it is pressed itself, it changes {expected / computed:.2f} times as much as computed"
+    factor = f"{expected / computed:.2f}"
+    times = f"When taxel {PREDICTED} is pressed itself, its voltage changes {factor} times as much as computed"
     if abs(expected - actual) >= abs(computed - actual):
         return (
-            f"**Taxel {PREDICTED}.** {times}, but not so in the map while taxel {measured.PRESSED} is pressed."
+            f"{times}, but not so in the map while taxel {measured.PRESSED} is pressed."
         )
     return (
         f"{times}. The same factor holds in the map, while taxel {measured.PRESSED} is pressed: it turns the computed "
