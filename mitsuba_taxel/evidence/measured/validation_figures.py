@@ -68,7 +68,8 @@ def maps(results: PadComparison, file: Path) -> None:
     """Plot the changes of all taxels while the middle taxel is held: measured, and computed with the offset of the
     indenter."""
     axes = axes_of((8, 4), 1, 2)[0]
-    for ax, title, values in zip(axes, ("measured", "computed"), (np.array(measured.HELD_MAP), results.moved), strict=True):
+    maps = {"measured": np.array(measured.HELD_MAP), "computed": results.moved}
+    for ax, (title, values) in zip(axes, maps.items(), strict=True):
         image = ax.imshow(values, cmap="viridis", vmin=0, vmax=100)
         for (row, column), value in np.ndenumerate(values):
             ax.text(column, row, f"{round(value)}", ha="center", va="center", color="k" if value > 60 else "w")

@@ -52,9 +52,7 @@ def _own(results: PadComparison) -> str:
     factor = f"{expected / computed:.2f}"
     times = f"When taxel {PREDICTED} is pressed itself, its voltage changes {factor} times as much as computed"
     if abs(expected - actual) >= abs(computed - actual):
-        return (
-            f"{times}, but not so in the map while taxel {measured.PRESSED} is pressed."
-        )
+        return f"{times}, but not so in the map while taxel {measured.PRESSED} is pressed."
     return (
         f"{times}. The same factor holds in the map, while taxel {measured.PRESSED} is pressed: it turns the computed "
         f"change of {computed:.0f} into {expected:.0f}, and {actual:.0f} was measured. This would be a property of the "
