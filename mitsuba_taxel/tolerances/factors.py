@@ -118,7 +118,7 @@ def _constant(factor: str, name: str, word: str) -> float:
         value = math.nan
     if not (math.isfinite(value) and value):
         raise InputError(
-            f"tolerance of {factor}: {name} = {word} cannot be scaled: a number other than 0 is needed, or a law of "
-            f"its own for {name}."
+            f"tolerance of {factor}: {name} = {word} cannot be scaled: a number other than 0 is needed, or a law for "
+            f"{name} itself."
         )
     return value

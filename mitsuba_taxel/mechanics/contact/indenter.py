@@ -59,9 +59,9 @@ class Indenter(Kinded):
     tilt: float | None = number(
         0.0,
         "degrees",
-        "Angle by which the body is tilted from upright, about the centre of the end of a punch or, for a file, about "
-        "x = y = 0 at its lowest height. The tip is then the lowest point of the tilted body. A plate starts where it "
-        "touches the pad.",
+        "Angle by which the body is tilted from upright: a rotation about y, from z to x, before the rotation about z. "
+        "Its centre is that of the end of a punch or, for a file, x = y = 0 at its lowest height. The tip is then the "
+        "lowest point of the tilted body. A plate starts where it touches the pad.",
         minimum=-STEEPEST,
         maximum=STEEPEST,
         when=_SHAPE,

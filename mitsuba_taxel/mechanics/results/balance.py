@@ -31,8 +31,8 @@ class Reactions:
     force : (3,) ndarray
         Force of the board on the pad, in N.
     moment : (3,) ndarray
-        Moment, in N mm, of the board's forces on the deformed pad. It includes the moment of the linear elastic law
-        at the lower corners of the pad's walls, which, unlike other laws, resists large rotations.
+        Moment, in N mm, of the board's forces on the deformed pad. With ``self_contact``, silicone at the lower corners
+        of the pad's walls follows a linear law, which resists large rotations; the moment by this is included.
     applied_force : (3,) ndarray
         Force of the load, in N; for a prescribed displacement, that of the plate or the indenter.
     applied_moment : (3,) ndarray
