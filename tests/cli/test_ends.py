@@ -14,9 +14,10 @@ from types import SimpleNamespace
 
 import click
 import pytest
+import taxel_cli
 from started_process import interrupted, started
 
-from mitsuba_taxel import InputError, cli, open_study
+from mitsuba_taxel import InputError, open_study
 from mitsuba_taxel.sensing import Scene, find_scene
 
 LONG = ("sweep", "plate.xml", "--vary", "z=0.1:90:0.1", "--points", "4096", "-o", "out")
@@ -275,7 +276,7 @@ def test_an_interrupt_while_it_is_imported_leaves_no_traceback(program, tmp_path
     assert run.returncode in (130, -signal.SIGINT) or before_our_first_line
 
 
-@pytest.mark.parametrize(("ended", "expected"), [([], click.Abort), ([signal.SIGTERM], cli._Ended)])
+@pytest.mark.parametrize(("ended", "expected"), [([], click.Abort), ([signal.SIGTERM], taxel_cli._Ended)])
 def test_an_interrupt_while_a_message_is_composed_ends_the_program_as_any_other(ended, expected, monkeypatch):
     """Messages of ends of load paths may take a solution."""
 
@@ -287,6 +288,6 @@ def test_an_interrupt_while_a_message_is_composed_ends_the_program_as_any_other(
         raise Composed
 
     command = click.Command("render", callback=fail)
-    monkeypatch.setattr(cli._Commands, "get_command", lambda self, ctx, name: command)
+    monkeypatch.setattr(taxel_cli._Commands, "get_command", lambda self, ctx, name: command)
     with pytest.raises(expected):
-        cli.taxel.main(["render"], "taxel", standalone_mode=False, obj=SimpleNamespace(debug=False, ended=ended))
+        taxel_cli.taxel.main(["render"], "taxel", standalone_mode=False, obj=SimpleNamespace(debug=False, ended=ended))
