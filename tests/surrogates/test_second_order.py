@@ -167,5 +167,5 @@ def test_other_files_are_refused(tmp_path, monkeypatch):
         with pytest.raises(InputError, match="earlier version of the format: export it again"):
             read_contact_model(tmp_path / "pad.npz")
     np.savez(tmp_path / "pad.npz", about='{"format": 3, "errors": null}', size=[1.0, 1.0])
-    with pytest.raises(InputError, match="no complete model"):
+    with pytest.raises(InputError, match="no complete contact model"):
         read_contact_model(tmp_path / "pad.npz")
