@@ -56,8 +56,7 @@ def refuse_percent(curves: Sequence[StressCurve], best: LawFit) -> None:
     fit = _best(scaled, [curve_noise(curve) for curve in scaled], most_constants=1)
     if fit is None or (fit.misfit > FOLLOWED and POOR * fit.rms > best.rms):
         return
-    curve = max(doubtful, key=lambda curve: float(np.abs(curve.strain).max()))
-    row = int(np.abs(curve.strain).argmax())
+    curve, row = _largest_strain(doubtful)
     raise InputError(
         f"test {curve.file!r}, line {curve.lines[row]}: a strain of {curve.strain[row]:.4g} seems to be in percent: "
         "the curve is then as straight as it must be, and no law follows it if it is a fraction. The heading "
@@ -86,12 +85,17 @@ def softer_than_all(curves: Sequence[StressCurve], best: LawFit) -> list[str]:
     softest = min(float(silicone.youngs_modulus) for silicone in named)
     if not doubtful or law is None or law.youngs_modulus >= softest:
         return []
-    curve = max(doubtful, key=lambda curve: float(np.abs(curve.strain).max()))
-    row = int(np.abs(curve.strain).argmax())
+    curve, row = _largest_strain(doubtful)
     return [
         f"test {curve.file!r}, line {curve.lines[row]}: E = {law.youngs_modulus:.2g} MPa is less than that of every "
         f"named silicone ({softest:.2g} MPa): a strain of {curve.strain[row]:.3g} without a unit may be in percent"
     ]
+
+
+def _largest_strain(curves: Sequence[StressCurve]) -> tuple[StressCurve, int]:
+    """The curve with the largest strain, and the index of the row that has it."""
+    curve = max(curves, key=lambda curve: float(np.abs(curve.strain).max()))
+    return curve, int(np.abs(curve.strain).argmax())
 
 
 def refuse_contradicting_kinds(curves: Sequence[StressCurve], noises: Sequence[CurveNoise], best: LawFit) -> None:
